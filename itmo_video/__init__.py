@@ -1,0 +1,69 @@
+"""Turns SDR video into HDR: the Expand Map of Banterle et al. 2006, tracked along motion."""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from itmo_video.conversion import Plan, RunOptions, Summary, convert
+    from itmo_video.errors import (
+        AlreadyHdrError,
+        CheckFailedError,
+        DamagedInputError,
+        InputError,
+        ItmoError,
+        OutputError,
+        UsageError,
+    )
+    from itmo_video.exr import read_exr
+    from itmo_video.model import ClipInfo, Encoding, Frame
+    from itmo_video.reader import Clip, open_clip
+    from itmo_video.settings import Settings, make_settings
+
+_ROOMS = {
+    "conversion": ("Plan", "RunOptions", "Summary", "convert"),
+    "errors": (
+        "AlreadyHdrError",
+        "CheckFailedError",
+        "DamagedInputError",
+        "InputError",
+        "ItmoError",
+        "OutputError",
+        "UsageError",
+    ),
+    "exr": ("read_exr",),
+    "model": ("ClipInfo", "Encoding", "Frame"),
+    "reader": ("Clip", "open_clip"),
+    "settings": ("Settings", "make_settings"),
+}
+_HOMES = {name: room for room, names in _ROOMS.items() for name in names}
+
+__all__ = [
+    "AlreadyHdrError",
+    "CheckFailedError",
+    "Clip",
+    "ClipInfo",
+    "DamagedInputError",
+    "Encoding",
+    "Frame",
+    "InputError",
+    "ItmoError",
+    "OutputError",
+    "Plan",
+    "RunOptions",
+    "Settings",
+    "Summary",
+    "UsageError",
+    "convert",
+    "make_settings",
+    "open_clip",
+    "read_exr",
+]
+
+
+def __getattr__(name: str) -> Any:
+    # Rooms are imported when first used, so that `itmo-video --help` answers at once.
+    if name in _HOMES:
+        return getattr(import_module(f"itmo_video.{_HOMES[name]}"), name)
+    raise AttributeError(f"module 'itmo_video' has no attribute {name!r}")

@@ -1,0 +1,274 @@
+"""The command line: flags from the settings' own definitions, exit codes from the errors."""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import json
+import os
+import signal
+import sys
+import traceback
+from collections.abc import Sequence
+from types import FrameType
+from typing import Any, NoReturn
+
+from itmo_video import settings as settings_module
+from itmo_video.errors import ItmoError, UsageError
+from itmo_video.settings import Settings, flag_name, spec_of
+
+EXAMPLES = """\
+examples:
+  itmo-video convert clip.mp4 out/
+  itmo-video convert clip.mp4 out/ --peak-nits 4000 --compression piz --layers expand_map
+  itmo-video convert clip.mp4 out/ --frames 100-200 --preset paper --temporal per-frame
+"""
+
+
+class _Parser(argparse.ArgumentParser):
+    def error(self, message: str) -> NoReturn:
+        raise UsageError(message, remedy=f"See `{self.prog} --help`.")
+
+
+class _Terminated(BaseException):
+    """SIGTERM came."""
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the command line; returns the exit code (cli.md)."""
+    signal.signal(signal.SIGTERM, _on_sigterm)
+    try:
+        args = _parser().parse_args(argv)
+        return int(args.run(args) or 0)
+    except ItmoError as error:
+        _debug()
+        print(f"itmo-video: {error}", file=sys.stderr)
+        return error.exit_code
+    except KeyboardInterrupt:
+        return _interrupted(130)
+    except _Terminated:
+        return _interrupted(143)
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 1
+    except Exception as error:
+        _debug()
+        print(
+            f"itmo-video: unexpected: {type(error).__name__}: {error}\n"
+            "Please report it; ITMO_VIDEO_DEBUG=1 shows where.",
+            file=sys.stderr,
+        )
+        return 1
+
+
+def _on_sigterm(signum: int, frame: FrameType | None) -> None:
+    raise _Terminated
+
+
+def _interrupted(code: int) -> int:
+    print(
+        "itmo-video: interrupted; what is written is whole, the same command goes on",
+        file=sys.stderr,
+    )
+    return code
+
+
+def _debug() -> None:
+    if os.environ.get("ITMO_VIDEO_DEBUG") == "1":
+        traceback.print_exc()
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = _Parser(prog="itmo-video", description="Turn SDR video into HDR.")
+    parser.add_argument("--version", action="store_true", help="print the version")
+    parser.set_defaults(run=_no_command(parser))
+    commands = parser.add_subparsers(metavar="COMMAND", parser_class=_Parser)
+
+    convert = commands.add_parser(
+        "convert",
+        help="SDR clip -> EXR sequence OUTPUT_DIR/<stem>.%%04d.exr",
+        description="Convert an SDR clip to an EXR sequence; 1.0 in it is SDR white. "
+        "The same command again makes what is missing.",
+        epilog=EXAMPLES,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    convert.add_argument("input", metavar="INPUT", help="a clip")
+    convert.add_argument("output", metavar="OUTPUT_DIR", help="the folder that the frames go to")
+    _add_settings(convert)
+    _add_run_options(convert)
+    convert.set_defaults(run=_convert)
+
+    info = commands.add_parser("info", help="what a clip says of itself and what will be assumed")
+    info.add_argument("input", metavar="INPUT")
+    info.add_argument("--json", action="store_true", help="as JSON")
+    info.set_defaults(run=_info)
+
+    presets = commands.add_parser("presets", help="the presets and what they set")
+    presets.set_defaults(run=_presets)
+    operators = commands.add_parser("operators", help="the operators, their parameters, sources")
+    operators.set_defaults(run=_operators)
+    return parser
+
+
+def _no_command(parser: argparse.ArgumentParser) -> Any:
+    def run(args: argparse.Namespace) -> int:
+        if args.version:
+            from importlib.metadata import version
+
+            print(f"itmo-video {version('itmo_video')}")
+            return 0
+        parser.print_help()
+        return 0
+
+    return run
+
+
+def _add_settings(parser: argparse.ArgumentParser) -> None:
+    group = parser.add_argument_group("settings (each may stand in a preset's TOML, too)")
+    group.add_argument(
+        "--preset", default="default", metavar="NAME|FILE.toml",
+        help="a named set of settings that flags override (default: default)",
+    )  # fmt: skip
+    for f in dataclasses.fields(Settings):
+        spec = spec_of(f)
+        flag = f"--{flag_name(f.name)}"
+        common: dict[str, Any] = {"dest": f"set_{f.name}", "default": None}
+        text = spec.help.replace("%", "%%")
+        bounds = ""
+        if spec.lower is not None and spec.upper is not None:
+            bounds = f"; {spec.lower:g} to {spec.upper:g}"
+        if f.name == "operator_params":
+            flag, common["action"] = "--operator-param", "append"
+        if spec.kind is bool:
+            group.add_argument(flag, action=argparse.BooleanOptionalAction, help=text, **common)
+            continue
+        if isinstance(f.default, int | float | str) and not isinstance(f.default, bool):
+            bounds += f" (without a preset: {f.default})"
+        group.add_argument(
+            flag,
+            type=spec.kind if spec.kind in (int, float, str) else str,
+            choices=spec.choices or None,
+            metavar=spec.metavar,
+            help=text + bounds,
+            **common,
+        )
+
+
+def _add_run_options(parser: argparse.ArgumentParser) -> None:
+    group = parser.add_argument_group("run")
+    group.add_argument(
+        "--frames", metavar="RANGES", help="numbers as in the file names: 1-100,200-300x2"
+    )
+    group.add_argument(
+        "--start-number", type=int, default=1, metavar="N", help="of the first frame (1)"
+    )
+    group.add_argument("--jobs", type=_positive, metavar="N", help="worker threads (the cores)")
+    group.add_argument(
+        "--overwrite", action="store_true", help="make all frames again, in any folder"
+    )
+    group.add_argument("--update", action="store_true", help="make again what other settings made")
+    group.add_argument(
+        "--verify", action="store_true", help="only check what is there; exit code 7"
+    )
+    group.add_argument("--durable", action="store_true", help="wait until each file is on the disk")
+    group.add_argument("--null", action="store_true", help="make everything, write nothing")
+    group.add_argument(
+        "--dry-run", action="store_true", help="say what would be done and do nothing"
+    )
+    group.add_argument(
+        "--max-pixels", type=_positive, default=2**27, metavar="N", help="a frame, at most"
+    )
+    group.add_argument("--quiet", action="store_true", help="no progress and no notices")
+    group.add_argument(
+        "--json", action="store_true", help="one line of JSON an event on standard output"
+    )
+
+
+def _positive(text: str) -> int:
+    value = int(text)
+    if value < 1:
+        raise argparse.ArgumentTypeError("must be 1 or more")
+    return value
+
+
+def _settings(args: argparse.Namespace) -> Settings:
+    overrides: dict[str, Any] = {}
+    for name, value in vars(args).items():
+        if not name.startswith("set_") or value is None:
+            continue
+        key = name.removeprefix("set_")
+        if key == "layers":
+            value = tuple(part for part in value.split(",") if part)
+        elif key == "operator_params":
+            value = dict(_parameter(text) for text in value)
+        overrides[key] = value
+    return settings_module.make_settings(args.preset, **overrides)
+
+
+def _parameter(text: str) -> tuple[str, float]:
+    name, _, value = text.partition("=")
+    try:
+        return name, float(value)
+    except ValueError:
+        raise UsageError(f"operator-param: {text!r} is not NAME=VALUE with a number") from None
+
+
+def _convert(args: argparse.Namespace) -> int:
+    from itmo_video import conversion as room
+    from itmo_video.progress import Progress
+
+    settings = _settings(args)
+    if args.start_number < 0:
+        raise UsageError(f"start-number must be 0 or more, not {args.start_number}")
+    run = room.RunOptions(
+        args.frames, args.start_number, args.jobs, args.overwrite, args.update, args.durable,
+        args.null, args.max_pixels,
+    )  # fmt: skip
+    if args.verify:
+        room.require_sound(room.verify(args.input, args.output, settings, run))
+        print(f"{args.output}: all frames are there and whole")
+        return 0
+    if args.dry_run:
+        print(room.describe_plan(args.input, args.output, settings, run))
+        return 0
+    progress = Progress(as_json=args.json, quiet=args.quiet)
+    room.convert(args.input, args.output, settings, run, progress.on_event)
+    return 0
+
+
+def _info(args: argparse.Namespace) -> int:
+    from itmo_video import describe
+    from itmo_video.reader import open_clip
+    from itmo_video.tags import InputOptions
+
+    # info only tells: what convert would refuse as HDR is told, not refused.
+    with open_clip(args.input, InputOptions(force_sdr=True)) as clip:
+        told = describe.clip_facts(clip.info)
+    if args.json:
+        print(json.dumps(told, indent=1))
+    else:
+        print(describe.as_table(told))
+    return 0
+
+
+def _presets(args: argparse.Namespace) -> int:
+    for name in settings_module.preset_names():
+        content = settings_module.read_preset(name)
+        print(f"{name}: {content.get('description', '')}")
+        for key, value in settings_module.load_preset(name).items():
+            print(f"    {flag_name(key)} = {json.dumps(value)}")
+    return 0
+
+
+def _operators(args: argparse.Namespace) -> int:
+    from itmo_video.operators import OPERATORS
+
+    for operator in OPERATORS.values():
+        print(f"{operator.name}: {operator.summary}\n    {operator.source}")
+        for name, p in operator.parameters.items():
+            print(f"    {name} = {p.default:g} ({p.lower:g} to {p.upper:g}): {p.help}")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

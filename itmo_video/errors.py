@@ -1,0 +1,51 @@
+"""Typed errors: each owns its exit code and says what, where and the remedy (cli.md's contract)."""
+
+
+class ItmoError(Exception):
+    """Base of every expected failure; `str()` is the one or two lines shown to the user."""
+
+    exit_code = 1
+
+    def __init__(self, what: str, *, where: str | None = None, remedy: str | None = None) -> None:
+        self.what, self.where, self.remedy = what, where, remedy
+        super().__init__(what, where, remedy)
+
+    def __str__(self) -> str:
+        first = f"{self.where}: {self.what}" if self.where else self.what
+        return f"{first}\n{self.remedy}" if self.remedy else first
+
+
+class UsageError(ItmoError):
+    """Wrong option values or settings."""
+
+    exit_code = 2
+
+
+class InputError(ItmoError):
+    """The input cannot be read, or is not video."""
+
+    exit_code = 3
+
+
+class DamagedInputError(ItmoError):
+    """The input is short, damaged or changes its size; what could be converted was."""
+
+    exit_code = 4
+
+
+class OutputError(ItmoError):
+    """The output cannot be written: no space, no right, or another conversion's files."""
+
+    exit_code = 5
+
+
+class AlreadyHdrError(ItmoError):
+    """Refused: the input is HDR already."""
+
+    exit_code = 6
+
+
+class CheckFailedError(ItmoError):
+    """A check that was asked for (--verify, --fail-above) failed."""
+
+    exit_code = 7

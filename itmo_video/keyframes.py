@@ -1,0 +1,259 @@
+"""The keyframe scheduler: cuts, the absolute key grid, smoothed key maps, and spans between keys.
+
+Everything is decided from a bounded window of frames, so any range renders to the same bytes:
+keys stand on `index % key_interval == 0`, on both sides of a cut and on the clip's last frame.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from itmo_video import warp
+from itmo_video.model import Code, Float32, Frame
+
+CUT_REACH = 3  # frames to either side that decide about a cut; also the longest flash
+CUT_DIFFERENCE = 0.045  # mean absolute difference of tiny pictures, 0 to 1
+CUT_RATIO = 3.0  # how far a cut stands out from the changes around it
+FLASH_RATIO = 0.5  # alike again within reach: a flash, not a cut
+TINY_SIZE = (32, 18)
+
+
+@dataclass(frozen=True)
+class Analysed:
+    """A frame with its 8-bit grey picture at analysis size, and a tiny one for finding cuts."""
+
+    frame: Frame
+    grey: Code
+    tiny: Float32
+
+    @property
+    def index(self) -> int:
+        """Index in presentation order."""
+        return self.frame.index
+
+
+@dataclass(frozen=True)
+class Placed:
+    """An analysed frame that knows its place: whether it starts or ends a shot, and is a key."""
+
+    analysed: Analysed
+    starts_shot: bool
+    ends_shot: bool
+    is_key: bool
+
+
+@dataclass(eq=False)
+class Key:
+    """A keyframe: its picture, its own map, and flows to the neighbouring keys of its shot."""
+
+    placed: Placed
+    raw_map: Float32
+    to_previous: Float32 | None = None
+    to_next: Float32 | None = None
+
+    @property
+    def grey(self) -> Code:
+        """8-bit grey picture at analysis size."""
+        return self.placed.analysed.grey
+
+
+@dataclass(frozen=True)
+class Span:
+    """Frames [key, ..., next key): the keys' pictures and maps, and the frames to be rendered.
+
+    `right` is None where the span is a single key frame.
+    """
+
+    left_index: int
+    left: tuple[Code, Float32]
+    right_index: int | None
+    right: tuple[Code, Float32] | None
+    frames: tuple[Analysed, ...]
+
+
+def lead_in(key_interval: int, smooth_keys: int) -> int:
+    """Frames before a key's grid position that must be read for it to come out the same."""
+    return smooth_keys * key_interval + CUT_REACH + 1
+
+
+def analyse_frame(frame: Frame, grey: Code) -> Analysed:
+    """An Analysed from a frame and its grey picture."""
+    tiny = cv2.resize(grey, TINY_SIZE, interpolation=cv2.INTER_AREA).astype(np.float32)
+    return Analysed(frame, grey, tiny / np.float32(255))
+
+
+def difference(a: Analysed, b: Analysed) -> float:
+    """Mean absolute difference of two tiny pictures, 0 to 1; 1 across a gap in the numbering."""
+    return float(cv2.norm(a.tiny, b.tiny, cv2.NORM_L1)) / a.tiny.size
+
+
+def is_cut(window: Sequence[Analysed], at: int) -> bool:
+    """Whether `window[at]` starts a new shot; the window reaches CUT_REACH frames to both sides.
+
+    A cut stands out from the changes around it. It is a flash instead if some frame before it and
+    some frame after it, at most CUT_REACH + 1 apart, are alike. A gap in the numbering (frames
+    that do not decode) always separates: nothing is known about the motion across it.
+    """
+    if window[at].index != window[at - 1].index + 1:
+        return True
+    change = difference(window[at - 1], window[at])
+    if change < CUT_DIFFERENCE:
+        return False
+    others = [
+        difference(window[i - 1], window[i])
+        for i in range(max(1, at - CUT_REACH), min(len(window), at + CUT_REACH + 1))
+        if i != at
+    ]
+    if others and change < CUT_RATIO * float(np.median(others)):
+        return False
+    return not any(
+        difference(window[a], window[b]) < FLASH_RATIO * change
+        for a in range(max(0, at - CUT_REACH - 1), at)
+        for b in range(at, min(len(window), a + CUT_REACH + 2))
+        if (a, b) != (at - 1, at)
+    )
+
+
+def place(frames: Iterable[Analysed], key_interval: int, start: int) -> Iterator[Placed]:
+    """Mark shots and keys; looks CUT_REACH + 1 frames ahead and CUT_REACH + 1 back.
+
+    `start` is the index from which the frames were asked for: a first frame beyond it, or the
+    clip's first, begins a shot.
+    """
+    window: deque[Analysed] = deque()
+    cuts: dict[int, bool] = {}
+    source = iter(frames)
+    done = False
+    position = 0  # of the frame to be placed, within the window
+    is_first = True
+    while True:
+        while not done and len(window) - position <= CUT_REACH + 1:
+            following = next(source, None)
+            if following is None:
+                done = True
+            else:
+                window.append(following)
+        if position >= len(window):
+            return
+        current = window[position]
+        if is_first:
+            starts = start == 0 or current.index != start
+        else:
+            starts = _cut(window, position, cuts)
+        ends = position + 1 >= len(window) or _cut(window, position + 1, cuts)
+        yield Placed(current, starts, ends, starts or ends or current.index % key_interval == 0)
+        is_first = False
+        position += 1
+        while position > CUT_REACH + 1:
+            cuts.pop(window.popleft().index, None)
+            position -= 1
+
+
+def _cut(window: Sequence[Analysed], at: int, cuts: dict[int, bool]) -> bool:
+    index = window[at].index
+    if index not in cuts:
+        first = max(0, at - CUT_REACH - 1)
+        view = [window[i] for i in range(first, min(len(window), at + CUT_REACH + 1))]
+        cuts[index] = is_cut(view, at - first)
+    return cuts[index]
+
+
+def smooth_map(keys: Sequence[Key], at: int, reach: int) -> Float32:
+    """A key's map averaged along motion with up to `reach` keys of its shot to both sides.
+
+    Weighted by how well each warped picture agrees with the key's own; flows are composed from
+    key to key. `keys` are neighbours in one shot, `at` the position of the key wanted.
+    """
+    centre = keys[at]
+    total = centre.raw_map.copy()
+    weight = np.ones_like(total)
+    for step in (-1, 1):
+        flow: Float32 | None = None
+        stop = max(-1, at - reach - 1) if step < 0 else min(len(keys), at + reach + 1)
+        for i in range(at + step, stop, step):
+            behind = keys[i - step]
+            link = behind.to_previous if step < 0 else behind.to_next
+            assert link is not None
+            flow = link if flow is None else warp.compose(flow, link)
+            agreement = warp.agreement(centre.grey, keys[i].grey, flow)
+            total += agreement * warp.warp(keys[i].raw_map, flow)
+            weight += agreement
+    return total / weight
+
+
+def spans(
+    placed: Iterable[Placed],
+    make_map: Callable[[Analysed], Float32],
+    smooth_keys: int,
+    first_needed: int,
+    is_wanted: Callable[[Sequence[Analysed]], bool],
+) -> Iterator[Span]:
+    """Pair the frames with the keys on either side, in order, each key's map made once.
+
+    Keys from index `first_needed` on are made; earlier frames only settled where shots begin.
+    Only spans some of whose frames `is_wanted` come out.
+    """
+    shot: list[Key] = []  # the recent keys of the current shot, oldest first
+    waiting: list[tuple[Key, list[Analysed]]] = []  # spans whose maps wait for later keys
+    smoothed: dict[int, Float32] = {}
+
+    def smooth(key: Key) -> Float32:
+        index = key.placed.analysed.index
+        if index not in smoothed:
+            at = next(i for i, k in enumerate(shot) if k is key)
+            smoothed[index] = smooth_map(shot, at, smooth_keys)
+        return smoothed[index]
+
+    def ready(count_ahead: int) -> Iterator[Span]:
+        # A span can go once its right key has smooth_keys keys after it, or the shot is over.
+        while len(waiting) >= 2 + count_ahead:
+            (left, frames), (right, _) = waiting[0], waiting[1]
+            if is_wanted(frames):
+                yield _span(left, smooth(left), frames, right, smooth(right))
+            waiting.pop(0)
+            smoothed.pop(left.placed.analysed.index, None)
+            while shot.index(left) > smooth_keys:
+                shot.pop(0)
+
+    for item in placed:
+        if item.analysed.index < first_needed:
+            continue
+        if item.is_key:
+            key = Key(item, make_map(item.analysed))
+            if shot and smooth_keys:
+                key.to_previous = warp.flow_px(key.grey, shot[-1].grey)
+                shot[-1].to_next = warp.flow_px(shot[-1].grey, key.grey)
+            shot.append(key)
+            waiting.append((key, [item.analysed]))
+            yield from ready(smooth_keys)
+        elif waiting:
+            waiting[-1][1].append(item.analysed)
+        if item.ends_shot:
+            yield from ready(0)
+            for left, frames in waiting:
+                if is_wanted(frames):
+                    yield _span(left, smooth(left), frames, None, None)
+            waiting.clear()
+            shot.clear()
+            smoothed.clear()
+
+
+def _span(
+    left: Key,
+    left_map: Float32,
+    frames: list[Analysed],
+    right: Key | None,
+    right_map: Float32 | None,
+) -> Span:
+    return Span(
+        left.placed.analysed.index,
+        (left.grey, left_map),
+        right.placed.analysed.index if right else None,
+        (right.grey, right_map) if right is not None and right_map is not None else None,
+        tuple(frames),
+    )

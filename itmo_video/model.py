@@ -1,0 +1,102 @@
+"""The values that flow between the rooms: what a clip is, and one decoded frame of it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from fractions import Fraction
+from typing import Literal, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+Float32: TypeAlias = npt.NDArray[np.float32]
+Float64: TypeAlias = npt.NDArray[np.float64]
+Half: TypeAlias = npt.NDArray[np.float16]
+Code: TypeAlias = npt.NDArray[np.uint8] | npt.NDArray[np.uint16]
+
+Family = Literal["ycbcr", "rgb", "grey"]
+Matrix = Literal["bt709", "bt601", "bt2020"]
+Range = Literal["limited", "full"]
+Transfer = Literal["bt1886", "srgb", "gamma22", "linear", "pq", "hlg"]
+Primaries = Literal["rec709", "rec601_525", "rec601_625", "rec2020", "p3d65"]
+ChromaSiting = Literal["left", "center", "topleft"]
+Origin = Literal["tag", "assumed", "set"]
+
+
+@dataclass(frozen=True)
+class Encoding:
+    """How a frame's integer codes stand for colour.
+
+    `origins` tells for "matrix", "range", "transfer" and "primaries" whether the value comes from
+    the file's tags, is assumed, or was set by the user.
+    """
+
+    family: Family
+    bit_depth: int
+    matrix: Matrix
+    range: Range
+    transfer: Transfer
+    primaries: Primaries
+    siting: ChromaSiting = "left"
+    has_alpha: bool = False
+    origins: Mapping[str, Origin] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class ClipInfo:
+    """What a clip says of itself and what will be assumed.
+
+    Sizes are in pixels as stored, before `rotation_deg` (clockwise, to be applied for display) and
+    `flip` (mirrored left-right, applied before the rotation); `frames` counts the presentation order.
+    """
+
+    path: str
+    stem: str
+    container: str
+    codec: str
+    pixel_format: str
+    width: int
+    height: int
+    frames: int
+    frame_rate: Fraction
+    duration_s: Fraction
+    is_vfr: bool
+    pixel_aspect: Fraction
+    rotation_deg: int
+    flip: bool
+    field_order: str
+    timecode: str | None
+    encoding: Encoding
+    digest: str
+    first_number: int | None = None
+    notices: tuple[str, ...] = ()
+
+    @property
+    def display_size(self) -> tuple[int, int]:
+        """(width, height) in pixels after the rotation."""
+        turned = self.rotation_deg % 180 != 0
+        return (self.height, self.width) if turned else (self.width, self.height)
+
+
+@dataclass(frozen=True)
+class Frame:
+    """One decoded frame, still as integer codes.
+
+    `planes` holds, by `encoding.family`: (Y, Cb, Cr), (R, G, B) or (Y,), then A when it has alpha;
+    uint8 for 8 bits, else uint16 with the code in the low bits; 4:2:0 and 4:2:2 chroma planes are
+    smaller. `index` counts the source's frames in presentation order from 0; `time_s` is its
+    presentation time in seconds, as the file has it.
+    """
+
+    index: int
+    time_s: Fraction
+    planes: tuple[Code, ...]
+    encoding: Encoding
+    is_damaged: bool = False
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """(width, height) in pixels."""
+        height, width = self.planes[0].shape
+        return width, height

@@ -1,0 +1,171 @@
+"""Spans of frames through a bounded pool of threads: decode and keys in order, rendering apart."""
+
+from __future__ import annotations
+
+import os
+import threading
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
+from dataclasses import dataclass
+
+import cv2
+
+from itmo_video import keyframes, warp
+from itmo_video.errors import DamagedInputError
+from itmo_video.keyframes import Analysed, Span
+from itmo_video.model import Float32, Frame
+from itmo_video.reader import Clip
+from itmo_video.render import Look, Rendered, analysis_grey, make_key_map, render
+
+Sink = Callable[[Frame, Rendered], None]
+
+
+@dataclass(frozen=True)
+class Run:
+    """Frames rendered from one place of the source: decode from `start`, make keys from `keys`."""
+
+    start: int
+    keys: int
+    wanted: frozenset[int]
+
+    @property
+    def last(self) -> int:
+        """The last index that is wanted."""
+        return max(self.wanted)
+
+
+def default_jobs() -> int:
+    """Worker threads when none are asked for: the cores that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def plan_runs(wanted: Sequence[int], look: Look) -> list[Run]:
+    """Group sorted indices into runs, each with the lead-in that the window needs."""
+    interval, smooth = look.settings.key_reach, look.settings.smooth_reach
+    lead = keyframes.lead_in(interval, smooth)
+    groups: list[list[int]] = []
+    for index in wanted:
+        # A gap shorter than the lead-in is cheaper to decode through than to start anew after.
+        if groups and index - groups[-1][-1] <= lead + interval:
+            groups[-1].append(index)
+        else:
+            groups.append([index])
+    runs = []
+    for group in groups:
+        grid = group[0] - group[0] % interval
+        keys = max(0, grid - smooth * interval)
+        runs.append(Run(max(0, grid - lead), keys, frozenset(group)))
+    return runs
+
+
+def memory_bound_bytes(width: int, height: int, bytes_per_code: int, look: Look, jobs: int) -> int:
+    """Upper bound of what frames in flight take: codes that wait, and workers' float planes.
+
+    Waiting are the frames of `jobs + 2` spans and those that smoothing looks ahead over; a worker
+    holds about 14 float planes and its half-float result and file.
+    """
+    settings = look.settings
+    pixels = width * height
+    ahead = (settings.smooth_reach + 1) * settings.key_reach + keyframes.CUT_REACH + 2
+    waiting = (jobs + 2) * settings.key_reach + ahead
+    codes = waiting * pixels * 3 * bytes_per_code
+    return codes + jobs * pixels * (14 * 4 + 2 * 3 * 2) + (160 << 20)
+
+
+def analysed_frames(clip: Clip, run: Run, look: Look) -> Iterator[Analysed]:
+    """Decode from the run's start, each frame with its pictures at analysis size."""
+    for frame in clip.frames(run.start):
+        yield keyframes.analyse_frame(frame, analysis_grey(frame, look.settings.map_width))
+
+
+def spans_of(
+    clip: Clip, run: Run, look: Look, on_end: Callable[[Exception], None]
+) -> Iterator[Span]:
+    """The run's spans in order, until its last wanted frame; a broken end ends the last shot."""
+
+    def source() -> Iterator[Analysed]:
+        try:
+            yield from analysed_frames(clip, run, look)
+        except DamagedInputError as error:
+            on_end(error)
+
+    def key_map(analysed: Analysed) -> Float32:
+        if not look.needs_map:
+            return _no_map(analysed)
+        return make_key_map(analysed.frame, look)
+
+    settings = look.settings
+    placed = keyframes.place(source(), settings.key_reach, run.start)
+    spans = keyframes.spans(
+        placed,
+        key_map,
+        settings.smooth_reach if look.needs_map else 0,
+        run.keys,
+        lambda frames: any(a.index in run.wanted for a in frames),
+    )
+    for span in spans:
+        yield span
+        if span.frames[-1].index >= run.last:
+            return
+
+
+def render_span(
+    span: Span, wanted: frozenset[int], look: Look, sink: Sink, stop: threading.Event
+) -> None:
+    """Render the wanted frames of a span and hand each to the sink."""
+    for analysed in span.frames:
+        if analysed.index in wanted and not stop.is_set():
+            map_small = map_between(span, analysed, look) if look.needs_map else None
+            sink(analysed.frame, render(analysed.frame, map_small, look))
+
+
+def map_between(span: Span, analysed: Analysed, look: Look) -> Float32:
+    """The map of one frame of a span: a key's own, or made from the keys on either side."""
+    index = analysed.index
+    if span.right is None or span.right_index is None or index == span.left_index:
+        return span.left[1]
+    t = (index - span.left_index) / (span.right_index - span.left_index)
+    if look.settings.temporal == "blend":
+        return warp.blend_maps(span.left[1], span.right[1], t, 1.0, 1.0)
+    return warp.track_map(analysed.grey, span.left, span.right, t)
+
+
+def render_frames(
+    clip: Clip, wanted: Sequence[int], look: Look, jobs: int, sink: Sink
+) -> list[DamagedInputError]:
+    """Render the wanted indices (sorted) and hand each to `sink`, called from worker threads.
+
+    Memory is bounded by jobs and the span's length, whatever the clip's. Returns what cut the
+    source short; raises what a worker or the decoder raised, after the running spans ended.
+    """
+    ended: list[DamagedInputError] = []
+    stop = threading.Event()
+    pending: set[Future[None]] = set()
+
+    def on_end(error: Exception) -> None:
+        assert isinstance(error, DamagedInputError)
+        ended.append(error)
+
+    cv2.setNumThreads(1)
+    pool = ThreadPoolExecutor(jobs, thread_name_prefix="span")
+    try:
+        for run in plan_runs(wanted, look):
+            for span in spans_of(clip, run, look, on_end):
+                while len(pending) > jobs:
+                    finished, pending = wait(pending, return_when=FIRST_COMPLETED)
+                    for future in finished:
+                        future.result()
+                pending.add(pool.submit(render_span, span, run.wanted, look, sink, stop))
+        for future in pending:
+            future.result()
+    except BaseException:
+        stop.set()
+        raise
+    finally:
+        pool.shutdown(wait=True, cancel_futures=True)
+    return ended
+
+
+def _no_map(analysed: Analysed) -> Float32:
+    # Where no map is used the spans still pair frames; a one-pixel map keeps them cheap.
+    return analysed.tiny

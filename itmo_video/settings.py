@@ -1,0 +1,280 @@
+"""Every setting once: its name, default, bounds and help serve flag, TOML and Python API alike."""
+
+from __future__ import annotations
+
+import dataclasses
+import tomllib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from importlib import resources
+from pathlib import Path
+from typing import Any, Literal
+
+from itmo_video.errors import UsageError
+
+Scope = Literal["pixels", "file"]
+COMPRESSIONS = (
+    "none", "rle", "zips", "zip", "piz", "pxr24", "b44", "dwaa", "dwab", "htj2k", "zstd",
+)  # fmt: skip
+LAYERS = ("expand_map", "clip_mask", "gain")
+OUTPUT_PRIMARIES = ("rec709", "rec2020", "acescg", "aces2065-1")
+
+
+@dataclass(frozen=True)
+class Spec:
+    """What a setting accepts and what it says of itself."""
+
+    help: str
+    kind: type
+    lower: float | None = None
+    upper: float | None = None
+    choices: tuple[str, ...] = ()
+    metavar: str | None = None
+    scope: Scope = "pixels"
+
+    def check(self, name: str, value: object) -> object:
+        """The value, converted to its kind; raises UsageError where it is out of bounds."""
+        if self.kind is float and isinstance(value, int) and not isinstance(value, bool):
+            value = float(value)
+        if not isinstance(value, self.kind) or (self.kind is int and isinstance(value, bool)):
+            raise UsageError(f"{name} must be a {_KIND_NAMES[self.kind]}, not {value!r}")
+        if self.choices and value not in self.choices:
+            raise UsageError(f"{name} must be one of {', '.join(self.choices)}, not {value!r}")
+        if isinstance(value, int | float) and not isinstance(value, bool):
+            low = self.lower if self.lower is not None else float("-inf")
+            high = self.upper if self.upper is not None else float("inf")
+            if not low <= value <= high:
+                raise UsageError(f"{name} must be from {low:g} to {high:g}, not {value!r}")
+        return value
+
+
+_KIND_NAMES: dict[type, str] = {
+    float: "number", int: "whole number", bool: "true or false", str: "word",
+    tuple: "list", dict: "table",
+}  # fmt: skip
+
+
+def setting(default: Any, kind: type, help: str, **spec: Any) -> Any:
+    """A dataclass field that carries its Spec; `default` None means that it is derived."""
+    meta = {"spec": Spec(help=help, kind=kind, **spec)}
+    if isinstance(default, dict):
+        return field(default_factory=lambda: dict(default), metadata=meta)
+    return field(default=default, metadata=meta)
+
+
+@dataclass(frozen=True)
+class Settings:
+    """All that a frame's pixels and its file depend on, beside the source; validated when made."""
+
+    operator: str = setting(
+        "banterle2006", str, "how luminance is expanded; see `itmo-video operators`"
+    )
+    l_max: float | None = setting(
+        None, float, "maximum luminance, SDR white = 1 (default: peak-nits / white-nits)",
+        lower=1, upper=60000, metavar="X",
+    )  # fmt: skip
+    peak_nits: float = setting(
+        1000.0, float, "luminance of the brightest output", lower=1, upper=1e6, metavar="N"
+    )
+    white_nits: float = setting(
+        203.0, float, "luminance of SDR diffuse white", lower=1, upper=10000, metavar="N"
+    )
+    l_white: float | None = setting(
+        None, float, "L_white of eq. 7: how far middle tones keep theirs (default: l-max)",
+        lower=0.01, upper=1e6, metavar="X",
+    )  # fmt: skip
+    alpha: float | None = setting(
+        None, float, "eq. 4's key instead of eq. 13: each frame's geometric mean then counts",
+        lower=1e-4, upper=100, metavar="X",
+    )  # fmt: skip
+    operator_params: dict[str, float] = setting(
+        {}, dict, "an operator's own parameter, such as threshold=0.7 (any number of times)",
+        metavar="NAME=VALUE",
+    )  # fmt: skip
+    expand_map: bool = setting(True, bool, "weigh the expansion by the Expand Map")
+    over_white: str = setting(
+        "clip", str, "codes outside black to white: clipped, or kept and given white's gain",
+        choices=("clip", "keep"),
+    )  # fmt: skip
+    lights: int = setting(
+        1024, int, "median-cut lights, a power of two", lower=2, upper=65536, metavar="N"
+    )
+    radius: float = setting(
+        16.0, float, "radius of the density estimate at 512x768, in pixels; scales with the frame",
+        lower=1, upper=512, metavar="PX",
+    )  # fmt: skip
+    min_lights: int = setting(
+        4, int, "lights within the radius below which nothing is expanded",
+        lower=0, upper=1024, metavar="N",
+    )  # fmt: skip
+    soft_lights: bool = setting(
+        False, bool, "count lights softly, which flickers less than the paper's hard threshold"
+    )
+    map_width: int = setting(
+        512, int, "width at which the map is made, at most", lower=16, upper=4096, metavar="PX"
+    )
+    key_interval: int = setting(
+        5, int, "frames between keyframes of the map", lower=1, upper=60, metavar="N"
+    )
+    temporal: str = setting(
+        "tracked", str, "how maps between keyframes are made",
+        choices=("tracked", "blend", "per-frame"),
+    )  # fmt: skip
+    smooth_keys: int = setting(
+        0, int, "neighbouring keyframes to either side that a keyframe's map is averaged with",
+        lower=0, upper=8, metavar="N",
+    )  # fmt: skip
+    edge_aware: bool = setting(True, bool, "bring the map to full size along the picture's edges")
+    noise_guard: bool = setting(False, bool, "keep expansion from lifting grain and banding")
+    projection: str = setting(
+        "flat", str, "flat picture, or latitude-longitude panorama", choices=("flat", "latlong")
+    )
+    transfer: str = setting(
+        "auto", str, "the source's transfer function",
+        choices=("auto", "bt1886", "srgb", "gamma22", "linear"),
+    )  # fmt: skip
+    matrix: str = setting(
+        "auto", str, "the source's YCbCr matrix", choices=("auto", "bt709", "bt601", "bt2020")
+    )
+    range: str = setting(
+        "auto", str, "the source's code range", choices=("auto", "limited", "full")
+    )
+    deinterlace: str = setting(
+        "auto", str, "deinterlace what is flagged as interlaced", choices=("auto", "off", "force")
+    )
+    force_sdr: bool = setting(False, bool, "treat a source that is tagged HDR as plain SDR")
+    primaries: str = setting(
+        "rec709", str, "primaries of the output", choices=OUTPUT_PRIMARIES, scope="file"
+    )
+    compression: str = setting("zip", str, "EXR compression", choices=COMPRESSIONS, scope="file")
+    layers: tuple[str, ...] = setting(
+        (), tuple, f"extra EXR layers, comma-separated: {', '.join(LAYERS)}",
+        metavar="NAME,...", scope="file",
+    )  # fmt: skip
+
+    def __post_init__(self) -> None:
+        for f in dataclasses.fields(self):
+            value = getattr(self, f.name)
+            spec = spec_of(f)
+            if isinstance(value, list):
+                value = tuple(value)
+            if value is None and f.default is None:
+                continue
+            object.__setattr__(self, f.name, spec.check(flag_name(f.name), value))
+        if self.lights & (self.lights - 1):
+            raise UsageError(f"lights must be a power of two, not {self.lights}")
+        if unknown := [name for name in self.layers if name not in LAYERS]:
+            raise UsageError(
+                f"layers: unknown {', '.join(unknown)}", remedy=f"Known: {', '.join(LAYERS)}"
+            )
+        if self.l_max is None and self.peak_nits < self.white_nits:
+            raise UsageError(
+                f"peak-nits {self.peak_nits:g} is below white-nits {self.white_nits:g}",
+                remedy="The peak must be at least SDR white.",
+            )
+
+    @property
+    def l_max_effective(self) -> float:
+        """L'max in units of SDR white, from l_max or from the nits."""
+        return self.l_max if self.l_max is not None else self.peak_nits / self.white_nits
+
+    @property
+    def l_white_effective(self) -> float:
+        """L_white of eq. 7; equal to L'max unless set (the paper: of the same order)."""
+        return self.l_white if self.l_white is not None else self.l_max_effective
+
+    @property
+    def key_reach(self) -> int:
+        """Frames between keys as rendered: 1 where every frame makes its own map."""
+        return 1 if self.temporal == "per-frame" else self.key_interval
+
+    @property
+    def smooth_reach(self) -> int:
+        """Neighbouring keys to either side that a key's map is averaged with."""
+        return self.smooth_keys if self.temporal == "tracked" else 0
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain values by name, ready for JSON; what is derived is resolved."""
+        plain = dataclasses.asdict(self)
+        plain["l_max"], plain["l_white"] = self.l_max_effective, self.l_white_effective
+        plain["layers"] = list(self.layers)
+        return plain
+
+
+def spec_of(f: dataclasses.Field[Any]) -> Spec:
+    """The Spec of a settings field."""
+    spec = f.metadata["spec"]
+    assert isinstance(spec, Spec)
+    return spec
+
+
+def flag_name(name: str) -> str:
+    """The name as it is written on the command line."""
+    return name.replace("_", "-")
+
+
+def make_settings(preset: str = "default", **overrides: Any) -> Settings:
+    """Settings of a preset (name or TOML file) with overrides; the API's and the CLI's way in.
+
+    Of l_max and peak_nits the one that is overridden replaces the other of the preset; raises
+    UsageError for both, for unknown names and for values out of bounds.
+    """
+    values = load_preset(preset)
+    if "l_max" in overrides and "peak_nits" in overrides:
+        raise UsageError("l-max and peak-nits exclude each other", remedy="Give one of the two.")
+    if "peak_nits" in overrides:
+        values.pop("l_max", None)
+    if "l_max" in overrides:
+        values.pop("peak_nits", None)
+    return settings_from(values | overrides)
+
+
+def settings_from(values: Mapping[str, Any]) -> Settings:
+    """Settings from plain values; raises UsageError for unknown names."""
+    known = {f.name for f in dataclasses.fields(Settings)}
+    if unknown := sorted(set(values) - known):
+        raise UsageError(
+            f"unknown setting {', '.join(unknown)}", remedy=f"Known: {', '.join(sorted(known))}"
+        )
+    return Settings(**values)
+
+
+def preset_folder() -> Path:
+    """The folder of the presets: in the installed package, or configs/ of a source checkout."""
+    inside = Path(str(resources.files("itmo_video"))) / "configs"
+    return inside if inside.is_dir() else Path(__file__).resolve().parent.parent / "configs"
+
+
+def preset_names() -> Sequence[str]:
+    """The presets that come with itmo_video, sorted."""
+    return sorted(path.stem for path in preset_folder().glob("*.toml"))
+
+
+def read_preset(preset: str) -> dict[str, Any]:
+    """A preset's whole TOML: `description` and `settings`; raises UsageError if there is none."""
+    path = Path(preset) if preset.endswith(".toml") else preset_folder() / f"{preset}.toml"
+    if not preset.endswith(".toml") and preset not in preset_names():
+        raise UsageError(
+            f"unknown preset {preset!r}",
+            remedy=f"Known: {', '.join(preset_names())}, or a path ending in .toml",
+        )
+    try:
+        with path.open("rb") as file:
+            content = tomllib.load(file)
+    except (OSError, tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise UsageError(f"preset cannot be read: {error}", where=str(path)) from error
+    if unknown := sorted(set(content) - {"description", "settings"}):
+        raise UsageError(
+            f"unknown entry {', '.join(unknown)}",
+            where=str(path),
+            remedy="A preset has `description` and a table [settings].",
+        )
+    return content
+
+
+def load_preset(preset: str) -> dict[str, Any]:
+    """A preset's settings by name (underscores; dashes are accepted)."""
+    table = read_preset(preset).get("settings", {})
+    if not isinstance(table, dict):
+        raise UsageError("[settings] must be a table", where=preset)
+    return {name.replace("-", "_"): value for name, value in table.items()}

@@ -1,0 +1,105 @@
+"""Optical-flow warping: a map at one frame seen from another, and how far to believe it.
+
+All pictures here are at analysis size. A flow belongs to the frame that it starts from:
+`flow_px[y, x]` is where pixel (x, y) of `here` went in `there`, so a map known at `there` is
+fetched to `here` by looking it up at (x, y) + flow.
+"""
+
+from __future__ import annotations
+
+import threading
+
+import cv2
+import numpy as np
+
+from itmo_video.model import Code, Float32
+
+AGREEMENT_SIGMA = 6.0  # 8-bit codes: a difference of this size counts for 1/e as much
+AGREEMENT_BLUR_PX = 9
+ZERO_FLOW_MARGIN = 0.75  # 8-bit codes: a motion must explain the picture better by this much
+_local = threading.local()
+
+
+def flow_px(here: Code, there: Code) -> Float32:
+    """Dense DIS flow from `here` to `there`, (H, W, 2) float32 in pixels; 8-bit grey in.
+
+    Where standing still explains the picture as well as the flow does, the flow is zero, so that
+    noise in flat areas moves nothing. Pictures too small for DIS (under 16 px) do not move.
+    """
+    if min(here.shape) < 16:
+        return np.zeros((*here.shape, 2), np.float32)
+    # One DIS object shared by threads crashes (facts.md), so each thread keeps its own.
+    dis = getattr(_local, "dis", None)
+    if dis is None:
+        dis = _local.dis = cv2.DISOpticalFlow.create(cv2.DISOPTICAL_FLOW_PRESET_FAST)
+    flow = np.asarray(dis.calc(here, there, None), np.float32)
+    return guard_still(here, there, flow)
+
+
+def guard_still(here: Code, there: Code, flow: Float32) -> Float32:
+    """The flow, taken back smoothly to zero where zero explains the picture as well."""
+    still = local_difference(here, there)
+    moved = local_difference(here, warp(there, flow))
+    trust = np.clip((still - moved) / ZERO_FLOW_MARGIN, 0, 1)
+    trust = cv2.blur(trust, (AGREEMENT_BLUR_PX, AGREEMENT_BLUR_PX))
+    return np.asarray(flow * trust[..., None], np.float32)
+
+
+def warp(image: Code | Float32, flow: Float32) -> Float32:
+    """`image` (there) fetched along `flow` (from here): (H, W), bilinear, edges repeated."""
+    grid = _grid(flow.shape[0], flow.shape[1])
+    return np.asarray(
+        cv2.remap(image, grid + flow, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    )
+
+
+def compose(first: Float32, second: Float32) -> Float32:
+    """Flow a to c from a to b and b to c."""
+    grid = _grid(first.shape[0], first.shape[1])
+    fetched = cv2.remap(
+        second, grid + first, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
+    )
+    return np.asarray(cv2.add(first, fetched), np.float32)
+
+
+def local_difference(a: Code | Float32, b: Code | Float32) -> Float32:
+    """Mean absolute difference in a small square around each pixel, in 8-bit codes."""
+    difference = cv2.absdiff(np.asarray(a, np.float32), np.asarray(b, np.float32))
+    return np.asarray(cv2.blur(difference, (AGREEMENT_BLUR_PX, AGREEMENT_BLUR_PX)), np.float32)
+
+
+def agreement(here: Code, there: Code, flow: Float32) -> Float32:
+    """How well `there`, warped, explains `here`: (H, W) in (0, 1]."""
+    difference = local_difference(here, warp(there, flow))
+    agreed = np.exp(difference * np.float32(-1 / AGREEMENT_SIGMA)) + np.float32(1e-6)
+    return np.asarray(agreed, np.float32)
+
+
+def blend_maps(
+    left: Float32, right: Float32, t: float, w_left: Float32 | float, w_right: Float32 | float
+) -> Float32:
+    """Two maps seen from one frame, by time (t from 0 at left to 1 at right) and agreement."""
+    a = np.float32(1 - t) * w_left
+    b = np.float32(t) * w_right
+    return np.asarray((left * a + right * b) / (a + b), np.float32)
+
+
+def track_map(
+    here: Code, left: tuple[Code, Float32], right: tuple[Code, Float32], t: float
+) -> Float32:
+    """The map of the frame `here` from the (picture, map) of the keys on its two sides."""
+    seen: list[Float32] = []
+    weights: list[Float32] = []
+    for there, key_map in (left, right):
+        flow = flow_px(here, there)
+        seen.append(warp(key_map, flow))
+        weights.append(agreement(here, there, flow))
+    return blend_maps(seen[0], seen[1], t, weights[0], weights[1])
+
+
+def _grid(height: int, width: int) -> Float32:
+    cached = getattr(_local, "grid", None)
+    if cached is None or cached.shape[:2] != (height, width):
+        x, y = np.meshgrid(np.arange(width), np.arange(height))
+        cached = _local.grid = np.dstack([x, y]).astype(np.float32)
+    return np.asarray(cached)

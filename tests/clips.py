@@ -1,0 +1,67 @@
+"""Clips made for tests: written losslessly by PyAV from arrays of codes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from fractions import Fraction
+from pathlib import Path
+
+import av
+import numpy as np
+import numpy.typing as npt
+
+SHARED = Path(__file__).resolve().parents[2] / "shared"
+
+
+def write_ffv1(
+    path: Path,
+    frames: Iterable[npt.NDArray[np.uint8]],
+    *,
+    pixel_format: str = "rgb24",
+    stored: str = "bgr0",
+    fps: int = 24,
+) -> Path:
+    """A lossless clip of RGB or grey frames, (H, W, 3) or (H, W) uint8."""
+    with av.open(str(path), "w") as box:
+        stream = None
+        for i, codes in enumerate(frames):
+            if stream is None:
+                stream = box.add_stream("ffv1", rate=Fraction(fps))
+                stream.width, stream.height = codes.shape[1], codes.shape[0]
+                stream.pix_fmt = stored
+                stream.codec_context.thread_count = 1
+            frame = av.VideoFrame.from_ndarray(codes, pixel_format)
+            frame.pts = i
+            box.mux(stream.encode(frame))
+        assert stream is not None
+        box.mux(stream.encode())
+    return path
+
+
+def moving_scene(
+    count: int, *, width: int = 96, height: int = 64, cuts: tuple[int, ...] = (), seed: int = 0
+) -> Iterable[npt.NDArray[np.uint8]]:
+    """Frames of bright discs over a textured ground that pans; another scene from each cut on."""
+    y, x = np.mgrid[0:height, 0:width].astype(np.float64)
+    scene = -1
+    rng = np.random.default_rng(seed)
+    discs: npt.NDArray[np.float64] = np.zeros((0, 3))
+    tone, phase = 0.0, 0.0
+    for n in range(count):
+        now = sum(n >= cut for cut in cuts)
+        if now != scene:
+            scene = now
+            rng = np.random.default_rng((seed, scene))
+            discs = rng.uniform((0, 0, 4), (width, height, 10), (5, 3))
+            tone, phase = 0.15 + 0.22 * (scene % 3), rng.uniform(0, 6)
+        ground = tone + 0.1 * np.sin((x + 1.5 * n) / 7 + phase) * np.cos(y / 5 + phase)
+        for cx, cy, r in discs:
+            ground += np.clip(r - np.hypot(x + 1.5 * n - cx - 20, y - cy), 0, 1) * 0.9
+        noise = np.random.default_rng((seed, 7, n)).normal(0, 0.004, ground.shape)
+        grey = np.clip(ground + noise, 0, 1)
+        yield np.round(np.dstack([grey, grey * 0.95, grey * 0.85]) * 255).astype(np.uint8)
+
+
+def exr_bytes(folder: Path) -> dict[str, bytes]:
+    """The EXR files of a folder by name."""
+    return {path.name: path.read_bytes() for path in sorted(folder.glob("*.exr"))}

@@ -1,0 +1,102 @@
+"""Operators against closed forms: end points, slopes, round trips, monotone."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from itmo_video.errors import UsageError
+from itmo_video.operators import (
+    OPERATORS,
+    Context,
+    find_operator,
+    geometric_mean,
+    resolve_params,
+)
+from itmo_video.settings import Settings
+
+RAMP = np.linspace(0, 1, 4097, dtype=np.float32)
+
+
+def context(name: str, l_max: float = 20, l_white: float | None = None) -> Context:
+    params = resolve_params(OPERATORS[name], {})
+    return Context(l_max, l_white if l_white is not None else l_max, params)
+
+
+@pytest.mark.parametrize("name", sorted(OPERATORS))
+@pytest.mark.parametrize("l_max", [1.0, 4.93, 20.0, 1000.0])
+def test_white_becomes_l_max_and_nothing_is_infinite(name: str, l_max: float) -> None:
+    gain = OPERATORS[name].gain(RAMP, context(name, l_max))
+    assert gain.dtype == np.float32
+    assert np.isfinite(gain).all(), f"{name} is infinite somewhere"
+    assert gain[-1] == pytest.approx(l_max, rel=1e-5)
+
+
+@pytest.mark.parametrize("name", sorted(OPERATORS))
+def test_expansion_is_monotone(name: str) -> None:
+    expanded = OPERATORS[name].gain(RAMP, context(name)) * RAMP
+    assert (np.diff(expanded) > 0).all(), f"{name} maps a brighter pixel to a darker one"
+
+
+@given(st.floats(0.001, 1.0), st.floats(1.0, 500.0), st.floats(0.5, 500.0))
+def test_eq11_is_the_inverse_of_eq7(l_d: float, l_max: float, l_white: float) -> None:
+    """Eq. 7 of the expanded luminance, scaled by alpha / mean of eq. 13, gives L_d back."""
+    gain = OPERATORS["banterle2006"].gain(
+        np.array([l_d], np.float32), context("banterle2006", l_max, l_white)
+    )
+    l_d32 = float(np.float32(l_d))
+    l_m = l_d32 * float(gain[0]) * l_white / l_max
+    forward = l_m * (1 + l_m / l_white**2) / (1 + l_m)
+    assert forward == pytest.approx(l_d32, rel=2e-5)
+
+
+@given(st.floats(0.0, 1.0), st.floats(1.0, 300.0), st.floats(0.5, 300.0))
+def test_gain_equals_the_solved_formula_in_float64(l: float, l_max: float, l_white: float) -> None:
+    luminance = np.array([max(l, 1e-3)], np.float32)
+    l64 = float(luminance[0])
+    root = np.sqrt((1 - l64) ** 2 + 4 * l64 / l_white**2)
+    expected = l_max * l_white / 2 * (l64 - 1 + root)
+    got = float(
+        OPERATORS["banterle2006"].gain(luminance, context("banterle2006", l_max, l_white))[0]
+    )
+    assert got * l64 == pytest.approx(expected, rel=1e-4)
+
+
+def test_slope_at_black_is_l_max_over_l_white() -> None:
+    gain = OPERATORS["banterle2006"].gain(RAMP, context("banterle2006", 20, 10))
+    assert gain[0] == pytest.approx(2.0, rel=1e-6)
+
+
+def test_a_given_alpha_counts_with_the_geometric_mean() -> None:
+    """Eq. 12: L'max = L_white * mean / alpha."""
+    luminance = np.array([1.0], np.float32)
+    given_alpha = Context(999, 10, {}, alpha=0.18, geometric_mean=0.09)
+    assert OPERATORS["banterle2006"].gain(luminance, given_alpha)[0] == pytest.approx(5.0)
+    reinhard = OPERATORS["reinhard2002"].gain(
+        np.array([0.5], np.float32), Context(1e6, 10, {}, alpha=0.18, geometric_mean=0.09)
+    )
+    assert reinhard[0] * 0.5 == pytest.approx(0.5 * 0.09 / (0.5 * 0.18), rel=1e-4)
+
+
+def test_geometric_mean_of_constants() -> None:
+    assert geometric_mean(np.full((3, 2), 0.25, np.float32), 0.0) == pytest.approx(0.25)
+    assert geometric_mean(np.zeros((3, 2), np.float32)) == pytest.approx(1e-3)
+
+
+def test_landis_leaves_what_is_below_the_threshold() -> None:
+    gain = OPERATORS["landis2002"].gain(RAMP, context("landis2002"))
+    assert (gain[RAMP <= 0.5] == 1).all()
+    assert (gain[RAMP > 0.501] > 1).all()
+
+
+def test_unknown_operators_and_parameters_are_refused() -> None:
+    with pytest.raises(UsageError, match="unknown operator"):
+        find_operator(Settings(operator="nope"))
+    with pytest.raises(UsageError, match="does not use alpha"):
+        find_operator(Settings(operator="linear", alpha=0.18))
+    with pytest.raises(UsageError, match="no parameter"):
+        resolve_params(OPERATORS["linear"], {"x": 1})
+    with pytest.raises(UsageError, match="threshold must be"):
+        resolve_params(OPERATORS["landis2002"], {"threshold": 2})
