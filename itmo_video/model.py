@@ -48,7 +48,7 @@ class ClipInfo:
     """What a clip says of itself and what will be assumed.
 
     Sizes are in pixels as stored, before `rotation_deg` (clockwise, to be applied for display) and
-    `flip` (mirrored left-right, applied before the rotation); `frames` counts the presentation order.
+    `flip` (mirrored left-right, applied before the rotation); `frames` counts what is presented.
     """
 
     path: str

@@ -1,4 +1,4 @@
-"""Progress of a conversion: lines of JSON for machines, a line with rate and time left for people."""
+"""Progress of a conversion: JSON lines for machines, rate and time left for people."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Any, TextIO
 
 
 class Progress:
-    """Tells events: on standard output as JSON, or on standard error; the line only on a terminal."""
+    """Tells events: as JSON on standard output, else on standard error, the rate on terminals."""
 
     def __init__(self, *, as_json: bool, quiet: bool, stream: TextIO | None = None) -> None:
         self._as_json, self._quiet = as_json, quiet

@@ -63,7 +63,7 @@ def analysis_size(width: int, height: int, map_width: int) -> tuple[int, int]:
 
 
 def guide_codes(frame: Frame, size: tuple[int, int] | None = None) -> Float32:
-    """Luma code, 0 black to 1 white, unclipped: float32 (H, W), area-averaged to `size` if given."""
+    """Luma code, 0 black to 1 white, unclipped: float32 (H, W), area-averaged to `size`."""
     encoding = frame.encoding
     top = float(2**encoding.bit_depth - 1)
     black, span = 0.0, top

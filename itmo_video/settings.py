@@ -87,7 +87,7 @@ class Settings:
         None, float, "eq. 4's key instead of eq. 13: each frame's geometric mean then counts",
         lower=1e-4, upper=100, metavar="X",
     )  # fmt: skip
-    operator_params: dict[str, float] = setting(
+    operator_params: dict[str, float] = setting(  # noqa: RUF009 - it makes a field
         {}, dict, "an operator's own parameter, such as threshold=0.7 (any number of times)",
         metavar="NAME=VALUE",
     )  # fmt: skip

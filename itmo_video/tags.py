@@ -62,12 +62,8 @@ class Native:
 
 def native_format(name: str) -> Native:
     """The planar format to read `name` as; InputError for formats that are not understood."""
-    for suffix, depth in (("9le", 9), ("10le", 10), ("12le", 12), ("14le", 14), ("16le", 16)):
-        if name.endswith(suffix):
-            base = name.removesuffix(suffix)
-            break
-    else:
-        base, depth, suffix = name, 8, ""
+    suffix = next((s for s in ("9le", "10le", "12le", "14le", "16le") if name.endswith(s)), "")
+    base, depth = name.removesuffix(suffix), int(suffix.removesuffix("le") or 8)
     for prefix, family, order in (
         ("yuva4", "ycbcr", (0, 1, 2, 3)),
         ("yuvj4", "ycbcr", (0, 1, 2)),
@@ -168,7 +164,7 @@ def _siting(context: Any, matrix: str) -> ChromaSiting:
 
 def orientation(frame: Any) -> tuple[int, bool]:
     """(degrees clockwise, mirrored first) that turn a decoded frame upright."""
-    rotation = int(round(float(getattr(frame, "rotation", 0) or 0)))
+    rotation = round(float(getattr(frame, "rotation", 0) or 0))
     return (-rotation) % 360, False
 
 

@@ -53,8 +53,10 @@ def test_eq11_is_the_inverse_of_eq7(l_d: float, l_max: float, l_white: float) ->
 
 
 @given(st.floats(0.0, 1.0), st.floats(1.0, 300.0), st.floats(0.5, 300.0))
-def test_gain_equals_the_solved_formula_in_float64(l: float, l_max: float, l_white: float) -> None:
-    luminance = np.array([max(l, 1e-3)], np.float32)
+def test_gain_equals_the_solved_formula_in_float64(
+    l_d: float, l_max: float, l_white: float
+) -> None:
+    luminance = np.array([max(l_d, 1e-3)], np.float32)
     l64 = float(luminance[0])
     root = np.sqrt((1 - l64) ** 2 + 4 * l64 / l_white**2)
     expected = l_max * l_white / 2 * (l64 - 1 + root)
