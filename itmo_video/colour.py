@@ -342,7 +342,7 @@ def _buffers(rows: int, width: int) -> Planes:
 
 
 def _pad(codes: Code, width: int, above: int = 0, below: int = 0) -> Code:
-    """Extend the plane's rows with the edges repeated: to `width` columns, and rows above and below."""
+    """Extend the plane with its edges repeated: to `width` columns, and rows above and below."""
     right = width - codes.shape[1]
     if not (right or above or below):
         return codes

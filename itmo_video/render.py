@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import cv2
@@ -24,6 +24,8 @@ from itmo_video.settings import Settings
 STRIP_ROWS = 40  # so that a strip's planes stay in the L2 cache
 EDGE_EPSILON = 1e-3  # guided filter: contrasts (squared, of codes 0..1) below this are smoothed
 HALF_MAX = 65504.0
+_LEAST_FOR_CV2 = 64  # cv2 takes arrays of up to four elements for scalars
+_ALL = slice(None)
 
 
 @dataclass(frozen=True)
@@ -62,7 +64,7 @@ def analysis_size(width: int, height: int, map_width: int) -> tuple[int, int]:
     return map_width, max(1, round(height * map_width / width))
 
 
-def guide_codes(frame: Frame, size: tuple[int, int] | None = None) -> Float32:
+def guide_codes(frame: Frame, size: tuple[int, int] | None = None, rows: slice = _ALL) -> Float32:
     """Luma code, 0 black to 1 white, unclipped: float32 (H, W), area-averaged to `size`."""
     encoding = frame.encoding
     top = float(2**encoding.bit_depth - 1)
@@ -74,10 +76,11 @@ def guide_codes(frame: Frame, size: tuple[int, int] | None = None) -> Float32:
     weights = LUMINANCE_WEIGHTS if count == 3 else (1.0,)
     total: Float32 | None = None
     for plane, weight in zip(frame.planes[0:count], weights, strict=True):
-        if size is not None and (plane.shape[1], plane.shape[0]) != size:
-            plane = cv2.resize(plane, size, interpolation=cv2.INTER_AREA)
+        codes = plane[rows]
+        if size is not None and (codes.shape[1], codes.shape[0]) != size:
+            codes = cv2.resize(codes, size, interpolation=cv2.INTER_AREA)
         part = cv2.addWeighted(
-            plane, weight / span, plane, 0, -black * weight / span, dtype=cv2.CV_32F
+            codes, weight / span, codes, 0, -black * weight / span, dtype=cv2.CV_32F
         )
         total = part if total is None else cv2.add(total, part)
     assert total is not None
@@ -87,25 +90,43 @@ def guide_codes(frame: Frame, size: tuple[int, int] | None = None) -> Float32:
 def analysis_grey(frame: Frame, map_width: int) -> Code:
     """8-bit grey picture at analysis size, for cuts, flow and as the map's guide."""
     codes = guide_codes(frame, analysis_size(*frame.size, map_width))
-    return np.asarray(cv2.convertScaleAbs(cv2.max(codes, 0.0), alpha=255))
+    return np.asarray(np.rint(np.clip(codes, 0, 1) * np.float32(255)), np.uint8)
 
 
-def luminance_of(rgb: tuple[Float32, Float32, Float32]) -> Float32:
-    """Eq. 1, with the source's own RGB: float32 of the planes' shape."""
+def strips(height: int) -> Iterator[slice]:
+    """Rows of a frame, STRIP_ROWS at a time."""
+    for top in range(0, height, STRIP_ROWS):
+        yield slice(top, min(top + STRIP_ROWS, height))
+
+
+def luminance_of(rgb: Sequence[Float32], out: Float32 | None = None) -> Float32:
+    """Eq. 1, of the source's own RGB: float32 of the planes' shape."""
     r, g, b = LUMINANCE_WEIGHTS
-    total = cv2.addWeighted(rgb[0], r, rgb[1], g, 0)
-    return np.asarray(cv2.scaleAdd(rgb[2], b, total), np.float32).reshape(rgb[0].shape)
+    total = np.multiply(rgb[0], np.float32(r), out=out)
+    total += rgb[1] * np.float32(g)
+    total += rgb[2] * np.float32(b)
+    return total
+
+
+def frame_luminance(frame: Frame) -> Float32:
+    """Linear luminance of a whole frame, (H, W) float32 in [0, 1]."""
+    width, height = frame.size
+    luminance = np.empty((height, width), np.float32)
+    for rows in strips(height):
+        rgb = _buffers(rows, width)
+        colour.strip_to_rgb_linear(frame, rows, True, rgb)
+        luminance_of(rgb, luminance[rows])
+    return np.minimum(luminance, np.float32(1), out=luminance)
 
 
 def make_key_map(frame: Frame, look: Look) -> Float32:
     """A frame's own Expand Map at analysis size (sections 2.2 and 2.3), (H, W) in [0, 1]."""
     settings = look.settings
-    size = analysis_size(*frame.size, settings.map_width)
-    luminance = luminance_of(colour.to_rgb_linear(frame, clip=True))
-    if (luminance.shape[1], luminance.shape[0]) != size:
-        luminance = np.asarray(cv2.resize(luminance, size, interpolation=cv2.INTER_AREA))
-    luminance = np.clip(luminance, 0, 1)
-    width, height = size
+    width, height = analysis_size(*frame.size, settings.map_width)
+    luminance = frame_luminance(frame)
+    if luminance.shape != (height, width):
+        luminance = cv2.resize(luminance, (width, height), interpolation=cv2.INTER_AREA)
+        luminance = np.clip(luminance, 0, 1).reshape(height, width)
     latlong = settings.projection == "latlong"
     row_weight = None
     if latlong:
@@ -116,21 +137,30 @@ def make_key_map(frame: Frame, look: Look) -> Float32:
     return density(lights, (height, width), radius_px, settings.min_lights, wrap_x=latlong)
 
 
-def full_size_map(map_small: Float32, frame: Frame, look: Look) -> Float32:
-    """The map brought up to the frame's size: bilinear, or along the picture's edges."""
-    settings = look.settings
-    width, height = frame.size
-    if not settings.edge_aware:
-        return expand_map.upsample_bilinear(map_small, (height, width))
-    small_h, small_w = map_small.shape
-    guide_small = guide_codes(frame, (small_w, small_h))
-    radius = max(1, round(expand_map.scaled_radius_px(settings.radius, small_w, small_h)))
-    a, b = expand_map.edge_aware_coefficients(map_small, guide_small, radius, EDGE_EPSILON)
-    a_full = expand_map.upsample_bilinear(a, (height, width))
-    b_full = expand_map.upsample_bilinear(b, (height, width))
-    full = cv2.multiply(a_full, guide_codes(frame), dst=a_full)
-    full = cv2.add(full, b_full, dst=full)
-    return np.asarray(cv2.min(cv2.max(full, 0.0), 1.0), np.float32).reshape(height, width)
+class FullMap:
+    """A map at analysis size, brought up to the frame's size a strip of rows at a time."""
+
+    def __init__(self, map_small: Float32, frame: Frame, look: Look) -> None:
+        self._frame = frame
+        self._small: tuple[Float32, ...] = (map_small,)
+        if look.settings.edge_aware:
+            height, width = map_small.shape
+            guide = guide_codes(frame, (width, height))
+            radius = expand_map.scaled_radius_px(look.settings.radius, width, height)
+            self._small = expand_map.edge_aware_coefficients(
+                map_small, guide, max(1, round(radius)), EDGE_EPSILON
+            )
+
+    def rows(self, rows: slice) -> Float32:
+        """Rows of the map at full size, float32 in [0, 1]."""
+        width, height = self._frame.size
+        full = [expand_map.upsample_rows(small, rows, (height, width)) for small in self._small]
+        if len(full) == 1:
+            return full[0]
+        a, b = full
+        a *= guide_codes(self._frame, rows=rows)
+        a += b
+        return np.clip(a, 0, 1, out=a)
 
 
 def render(frame: Frame, map_small: Float32 | None, look: Look) -> Rendered:
@@ -140,68 +170,82 @@ def render(frame: Frame, map_small: Float32 | None, look: Look) -> Rendered:
     kept (eq. 3), in the output primaries, in units of SDR white, within half float's range.
     """
     settings = look.settings
-    keep = settings.over_white == "keep"
-    rgb = colour.to_rgb_linear(frame, clip=not keep)
-    luminance = luminance_of(rgb)
-    luminance = np.clip(luminance, 0, 1)
+    clip = settings.over_white == "clip"
+    width, height = frame.size
+    mean = geometric_mean(frame_luminance(frame)) if settings.alpha is not None else None
     context = Context(
-        look.settings.l_max_effective,
-        look.settings.l_white_effective,
-        look.params,
-        settings.alpha,
-        geometric_mean(luminance) if settings.alpha is not None else None,
+        settings.l_max_effective, settings.l_white_effective, look.params, settings.alpha, mean
     )
-    weight = None
-    if map_small is not None and look.needs_map:
-        weight = full_size_map(map_small, frame, look)
     matrix = None
     if settings.primaries != frame.encoding.primaries:
         matrix = colour.rgb_to_rgb_matrix(frame.encoding.primaries, settings.primaries)
-    shape = (frame.size[1], frame.size[0])
-    out = [np.empty(shape, np.float16) for _ in range(3)]
-    gain_full = np.empty(shape, np.float32) if "gain" in settings.layers else None
-    for top in range(0, shape[0], STRIP_ROWS):
-        rows = slice(top, top + STRIP_ROWS)
-        gain = look.operator.gain(luminance[rows], context)
+    weights = None
+    if map_small is not None and look.needs_map:
+        weights = FullMap(map_small, frame, look)
+    # A gain of L'max on a pixel of one pure primary may pass what a half can hold.
+    limit = settings.alpha is not None or not clip or 20 * context.l_max > HALF_MAX
+    alpha = _alpha(frame)
+    out = [np.empty((height, width), np.float16) for _ in range(3)]
+    layers = {f"{name}.Y": np.empty((height, width), np.float16) for name in settings.layers}
+    for rows in strips(height):
+        rgb = _buffers(rows, width)
+        colour.strip_to_rgb_linear(frame, rows, clip, rgb)
+        luminance = luminance_of(rgb)
+        np.clip(luminance, 0, 1, out=luminance)
+        gain = look.operator.gain(luminance, context)
+        weight = None if weights is None else weights.rows(rows)
         if weight is not None:
             gain -= np.float32(1)
-            gain *= weight[rows]
+            gain *= weight
             gain += np.float32(1)
-        if gain_full is not None:
-            gain_full[rows] = gain
-        _write_strip([plane[rows] for plane in rgb], gain, matrix, [plane[rows] for plane in out])
-    alpha = _alpha(frame)
-    if alpha is not None:
-        out = [(plane.astype(np.float32) * alpha).astype(np.float16) for plane in out]
-    layers: dict[str, Half] = {}
-    if "expand_map" in settings.layers:
-        layers["expand_map.Y"] = (np.ones(shape, np.float32) if weight is None else weight).astype(
-            np.float16
-        )
-    if "clip_mask" in settings.layers:
+        _fill_layers(layers, rows, rgb, gain, weight)
+        if alpha is not None:
+            gain = gain * alpha[rows]
+        _write_strip(rgb, gain, matrix, limit, [plane[rows] for plane in out])
+    half_alpha = None if alpha is None else alpha.astype(np.float16)
+    return Rendered((out[0], out[1], out[2]), half_alpha, layers)
+
+
+def _buffers(rows: slice, width: int) -> tuple[Float32, Float32, Float32]:
+    shape = (rows.stop - rows.start, width)
+    return np.empty(shape, np.float32), np.empty(shape, np.float32), np.empty(shape, np.float32)
+
+
+def _fill_layers(
+    layers: Mapping[str, Half],
+    rows: slice,
+    rgb: Sequence[Float32],
+    gain: Float32,
+    weight: Float32 | None,
+) -> None:
+    if "expand_map.Y" in layers:
+        layers["expand_map.Y"][rows] = 1 if weight is None else weight
+    if "gain.Y" in layers:
+        layers["gain.Y"][rows] = gain
+    if "clip_mask.Y" in layers:
         peak = np.maximum(np.maximum(rgb[0], rgb[1]), rgb[2])
-        layers["clip_mask.Y"] = (peak >= np.float32(1 - 1e-6)).astype(np.float16)
-    if gain_full is not None:
-        layers["gain.Y"] = gain_full.astype(np.float16)
-    return Rendered(
-        (out[0], out[1], out[2]), None if alpha is None else alpha.astype(np.float16), layers
-    )
+        layers["clip_mask.Y"][rows] = peak >= np.float32(1 - 1e-6)
 
 
 def _write_strip(
-    rgb: list[Float32], gain: Float32, matrix: Float64 | None, out: list[Half]
+    rgb: Sequence[Float32],
+    gain: Float32,
+    matrix: Float64 | None,
+    limit: bool,
+    out: Sequence[Half],
 ) -> None:
-    expanded = [cv2.multiply(plane, gain) for plane in rgb]
+    if matrix is None and not limit and gain.size >= _LEAST_FOR_CV2:
+        for plane, target in zip(rgb, out, strict=True):
+            cv2.multiply(plane, gain, dst=target, dtype=cv2.CV_16F)
+        return
+    expanded = [plane * gain for plane in rgb]
     if matrix is not None:
-        mixed = []
-        for row in matrix.tolist():
-            part = cv2.addWeighted(expanded[0], row[0], expanded[1], row[1], 0)
-            mixed.append(cv2.scaleAdd(expanded[2], row[2], part))
-        expanded = mixed
+        rows = matrix.astype(np.float32)
+        expanded = [
+            row[0] * expanded[0] + row[1] * expanded[1] + row[2] * expanded[2] for row in rows
+        ]
     for plane, target in zip(expanded, out, strict=True):
-        # Above 65504 a half would be infinite (facts.md).
-        limited = cv2.min(cv2.max(plane, -HALF_MAX), HALF_MAX)
-        target[...] = cv2.multiply(limited, 1.0, dtype=cv2.CV_16F).reshape(target.shape)
+        target[...] = np.clip(plane, -HALF_MAX, HALF_MAX)
 
 
 def _alpha(frame: Frame) -> Float32 | None:

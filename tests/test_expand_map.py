@@ -403,3 +403,14 @@ def test_edge_aware_refuses_what_it_cannot_do() -> None:
     for radius, epsilon in ((-1, 1e-3), (1, 0.0), (1, math.nan)):
         with pytest.raises(ValueError, match="epsilon"):
             edge_aware_coefficients(square, square, radius, epsilon)
+
+
+@pytest.mark.parametrize("shape", [(3, 2), (40, 70), (288, 512), (1, 1)])
+def test_upsample_rows_equals_upsample_bilinear(shape: tuple[int, int]) -> None:
+    from itmo_video.expand_map import upsample_rows
+
+    small = np.random.default_rng(3).random((min(30, shape[0]), min(50, shape[1])), np.float32)
+    full = upsample_bilinear(small, shape)
+    for rows in (slice(0, shape[0]), slice(shape[0] // 2, shape[0])):
+        strip = upsample_rows(small, rows, shape)
+        np.testing.assert_allclose(strip, full[rows], atol=2e-6, err_msg=f"rows {rows}")

@@ -1,0 +1,160 @@
+"""The command line is a contract: exit codes, words, nothing overwritten."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from clips import SHARED, moving_scene, write_ffv1
+
+from itmo_video.cli import main
+
+SAMPLES = Path(__file__).resolve().parents[1] / "sample_clips"
+
+
+@pytest.fixture(scope="module")
+def clip(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return write_ffv1(tmp_path_factory.mktemp("clip") / "scene.mkv", moving_scene(6))
+
+
+@pytest.mark.parametrize(
+    ("flags", "words"),
+    [
+        (["--l-max", "0.5"], "l-max must be from 1 to"),
+        (["--lights", "1000"], "power of two"),
+        (["--key-interval", "0"], "key-interval must be from 1 to 60"),
+        (["--operator", "nope"], "unknown operator"),
+        (["--preset", "nope"], "unknown preset"),
+        (["--l-max", "5", "--peak-nits", "900"], "exclude each other"),
+        (["--layers", "nope"], "unknown nope"),
+        (["--frames", "5-900"], "not in the clip"),
+        (["--frames", "abc"], "not a frame range"),
+        (["--compression", "lzw"], "invalid choice"),
+        (["--jobs", "0"], "must be 1 or more"),
+        (["--nonsense"], "unrecognized"),
+        (["--peak-nits", "100"], "below white-nits"),
+        (["--operator-param", "x"], "NAME=VALUE"),
+        (["--radius", "nan"], "radius must be"),
+    ],
+)
+def test_wrong_usage_is_exit_2_and_makes_nothing(
+    clip: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], flags: list[str], words: str
+) -> None:
+    out = tmp_path / "out"
+    assert main(["convert", str(clip), str(out), *flags]) == 2
+    assert words in capsys.readouterr().err
+    assert not out.exists(), "nothing may be made when the settings are wrong"
+
+
+def test_a_missing_input_is_exit_3(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["convert", str(tmp_path / "no.mp4"), str(tmp_path / "out")]) == 3
+    assert "no such file" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_folder_with_other_files_is_refused_and_untouched(clip: Path, tmp_path: Path) -> None:
+    theirs = tmp_path / "scene.0001.exr"
+    theirs.write_bytes(b"theirs")
+    assert main(["convert", str(clip), str(tmp_path)]) == 5
+    assert [p.name for p in tmp_path.iterdir()] == ["scene.0001.exr"]
+    assert theirs.read_bytes() == b"theirs", "a user's file was overwritten"
+
+
+def test_other_settings_are_refused_and_update_makes_them_again(clip: Path, tmp_path: Path) -> None:
+    assert main(["convert", str(clip), str(tmp_path / "o")]) == 0
+    before = (tmp_path / "o" / "scene.0001.exr").read_bytes()
+    flags = ["--l-max", "7"]
+    assert main(["convert", str(clip), str(tmp_path / "o"), *flags]) == 5
+    assert (tmp_path / "o" / "scene.0001.exr").read_bytes() == before
+    assert main(["convert", str(clip), str(tmp_path / "o"), *flags, "--verify"]) == 7
+    assert main(["convert", str(clip), str(tmp_path / "o"), *flags, "--update"]) == 0
+    assert main(["convert", str(clip), str(tmp_path / "o"), *flags, "--verify"]) == 0
+
+
+def test_another_source_is_refused(clip: Path, tmp_path: Path) -> None:
+    other = write_ffv1(tmp_path / "scene.mkv", moving_scene(3, seed=9))
+    assert main(["convert", str(clip), str(tmp_path / "o")]) == 0
+    assert main(["convert", str(other), str(tmp_path / "o")]) == 5
+
+
+def test_dry_run_writes_nothing_and_tells(
+    clip: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["convert", str(clip), str(tmp_path / "o"), "--dry-run"]) == 0
+    told = capsys.readouterr().out
+    assert "6 frames (1-6)" in told
+    assert "MB of memory" in told
+    assert not (tmp_path / "o").exists()
+
+
+def test_null_writes_nothing(clip: Path, tmp_path: Path) -> None:
+    assert main(["convert", str(clip), str(tmp_path / "o"), "--null", "--quiet"]) == 0
+    assert not (tmp_path / "o").exists()
+
+
+def test_json_is_one_event_a_line(
+    clip: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["convert", str(clip), str(tmp_path / "o"), "--json", "--quiet"]) == 0
+    events = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
+    kinds = [event["event"] for event in events]
+    assert kinds.count("frame") == 6
+    assert "started" in kinds
+    assert kinds[-1] == "finished"
+
+
+def test_the_small_commands_tell(clip: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["info", str(clip), "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert (told["frames"], told["width"], told["height"]) == (6, 96, 64)
+    assert told["transfer"] == {"value": "srgb", "from": "assumed"}
+    for command in ("presets", "operators"):
+        assert main([command]) == 0
+        assert "banterle2006" in capsys.readouterr().out
+    assert main(["--version"]) == 0
+    assert main([]) == 0
+
+
+def test_unexpected_errors_show_no_traceback(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def broken(*args: object) -> None:
+        raise RuntimeError("boom")
+
+    monkeypatch.setattr("itmo_video.settings.preset_names", broken)
+    assert main(["presets"]) == 1
+    err = capsys.readouterr().err
+    assert "boom" in err
+    assert "Traceback" not in err
+
+
+@pytest.mark.skipif(not (SHARED / "data/clips").is_dir(), reason="../shared/data is not here")
+@pytest.mark.parametrize("name", ["carphone_pristine.mp4", "nasa_13013.mp4", "chaplin.mp4"])
+def test_real_clips_give_a_file_a_frame(tmp_path: Path, name: str) -> None:
+    assert main(["convert", str(SHARED / "data/clips" / name), str(tmp_path / "o"), "--quiet"]) == 0
+    main(["info", str(SHARED / "data/clips" / name)])
+    count = len(list((tmp_path / "o").glob("*.exr")))
+    assert count == {"carphone_pristine.mp4": 120, "nasa_13013.mp4": 325, "chaplin.mp4": 241}[name]
+
+
+def test_help_answers_at_once_without_the_heavy_modules() -> None:
+    code = (
+        "import sys\nfrom itmo_video.cli import main\n"
+        "try: main(['convert', '--help'])\nexcept SystemExit: pass\n"
+        "print([m for m in ('cv2', 'av', 'scipy', 'OpenEXR') if m in sys.modules])"
+    )
+    out = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60
+    )
+    assert out.stdout.splitlines()[-1] == "[]"
+    assert "examples:" in out.stdout
+
+
+@pytest.mark.parametrize("name", ["night_street", "bright_window", "cut_and_flash"])
+def test_sample_clips_convert(tmp_path: Path, name: str) -> None:
+    flags = ["--quiet", "--frames", "18-24"]
+    assert main(["convert", str(SAMPLES / f"{name}.mp4"), str(tmp_path / "o"), *flags]) == 0
+    assert len(list((tmp_path / "o").glob("*.exr"))) == 7
