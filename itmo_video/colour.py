@@ -232,12 +232,15 @@ def _double_rows(values: Float32, offset: float) -> Float32:
     count, across = values.shape[0] - 2, values.shape[1]
     out = np.empty((count, 2, across), np.float32)
     here, before, after = values[1:-1], values[:-2], values[2:]
-    if offset:  # midway: even rows lean on the sample above, odd rows on the one below
+    if offset == 0.5:  # even rows lean on the sample above, odd rows on the one below
         cv2.addWeighted(here, 0.75, before, 0.25, 0, dst=out[:, 0])
         cv2.addWeighted(here, 0.75, after, 0.25, 0, dst=out[:, 1])
-    else:  # on the even rows
+    elif offset == 0:
         np.copyto(out[:, 0], here)
         cv2.addWeighted(here, 0.5, after, 0.5, 0, dst=out[:, 1])
+    else:
+        cv2.addWeighted(here, 0.5, before, 0.5, 0, dst=out[:, 0])
+        np.copyto(out[:, 1], here)
     return out.reshape(2 * count, across)
 
 
@@ -246,12 +249,14 @@ def _double_columns(values: Float32, offset: float) -> Float32:
     rows, across = values.shape
     around = cv2.copyMakeBorder(values, 0, 0, 1, 1, cv2.BORDER_REPLICATE)
     before, after = around[:, :-2], around[:, 2:]
-    if offset:
+    if offset == 0.5:
         even = cv2.addWeighted(values, 0.75, before, 0.25, 0)
         odd = cv2.addWeighted(values, 0.75, after, 0.25, 0)
-        return np.asarray(cv2.merge((even, odd)), np.float32).reshape(rows, 2 * across)
-    odd = cv2.addWeighted(values, 0.5, after, 0.5, 0)
-    return np.asarray(cv2.merge((values, odd)), np.float32).reshape(rows, 2 * across)
+    elif offset == 0:
+        even, odd = values, cv2.addWeighted(values, 0.5, after, 0.5, 0)
+    else:
+        even, odd = cv2.addWeighted(values, 0.5, before, 0.5, 0), values
+    return np.asarray(cv2.merge((even, odd)), np.float32).reshape(rows, 2 * across)
 
 
 def _eotf_in_place(code: Float32, transfer: Transfer, clip: bool) -> None:
@@ -350,8 +355,9 @@ def _pad(codes: Code, width: int, above: int = 0, below: int = 0) -> Code:
 
 
 def _offset(siting: ChromaSiting, *, vertical: bool) -> float:
-    """Where a chroma sample lies among the pixels it serves: 0 on the first, 0.5 in the middle."""
-    return 0.5 if siting == "center" or (siting == "left" and vertical) else 0.0
+    """Where a chroma sample lies among the pixels it serves: 0 first, 0.5 midway, 1 last."""
+    first, last = ("top", "bottom") if vertical else ("left", "right")
+    return 0.0 if first in siting else 1.0 if last in siting else 0.5
 
 
 def _interpolate(values: Float64, count: int, offset: float) -> Float64:

@@ -146,8 +146,9 @@ def convert(
         ended = _render(clip, plan, folder, todo, look, run, summary, on_event)
     summary.seconds = time.monotonic() - began
     on_event({"event": "finished", **dataclasses.asdict(summary)})
-    if ended or summary.missing or summary.damaged:
-        raise _damage(plan, summary, ended)
+    cut_short = (plan.clip.frames_declared or 0) - plan.clip.frames if run.frames is None else 0
+    if ended or summary.missing or summary.damaged or cut_short > 0:
+        raise _damage(plan, summary, ended, cut_short)
     return summary
 
 
@@ -225,12 +226,16 @@ def exr_header(plan: Plan, number: int, time_s: Fraction) -> exr.ExrHeader:
     )  # fmt: skip
 
 
-def _damage(plan: Plan, summary: Summary, ended: list[DamagedInputError]) -> DamagedInputError:
+def _damage(
+    plan: Plan, summary: Summary, ended: list[DamagedInputError], cut_short: int
+) -> DamagedInputError:
     told = [error.what for error in ended]
     if summary.missing:
         told.append(f"frames {format_ranges(summary.missing)} could not be decoded")
     if summary.damaged:
         told.append(f"frames {format_ranges(summary.damaged)} are damaged in the source")
+    if cut_short > 0:
+        told.append(f"the file is cut short: {cut_short} frames are missing at its end")
     return DamagedInputError(
         "; ".join(told),
         where=plan.clip.path,

@@ -20,7 +20,9 @@ Matrix = Literal["bt709", "bt601", "bt2020"]
 Range = Literal["limited", "full"]
 Transfer = Literal["bt1886", "srgb", "gamma22", "linear", "pq", "hlg"]
 Primaries = Literal["rec709", "rec601_525", "rec601_625", "rec2020", "p3d65"]
-ChromaSiting = Literal["left", "center", "topleft"]
+ChromaSiting = Literal[
+    "left", "center", "topleft", "top", "right", "topright", "bottomleft", "bottom", "bottomright"
+]
 Origin = Literal["tag", "assumed", "set"]
 
 
@@ -49,6 +51,7 @@ class ClipInfo:
 
     Sizes are in pixels as stored, before `rotation_deg` (clockwise, to be applied for display) and
     `flip` (mirrored left-right, applied before the rotation); `frames` counts what is presented.
+    `frames_declared` is how many the container speaks of: more than `frames` where it is cut short.
     """
 
     path: str
@@ -71,6 +74,7 @@ class ClipInfo:
     digest: str
     first_number: int | None = None
     notices: tuple[str, ...] = ()
+    frames_declared: int | None = None
 
     @property
     def display_size(self) -> tuple[int, int]:

@@ -1,65 +1,53 @@
-"""The frame reader: probe a clip and decode it by frame number, in presentation order (PyAV)."""
+"""The frame reader: a clip, still or image sequence as numbered frames of integer codes (PyAV)."""
 
 from __future__ import annotations
 
-import hashlib
 import os
-from bisect import bisect_left, bisect_right
+import re
+from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from fractions import Fraction
+from itertools import chain, islice
 from pathlib import Path
 from typing import Any, cast
 
 import av
 import numpy as np
-from av.video.frame import VideoFrame
-from av.video.stream import VideoStream
+import numpy.typing as npt
 
-from itmo_video import tags
-from itmo_video.errors import DamagedInputError, InputError
-from itmo_video.model import ClipInfo, Code, Encoding, Frame
-from itmo_video.tags import InputOptions
+from itmo_video import colour, probe
+from itmo_video.errors import AlreadyHdrError, DamagedInputError, InputError, ItmoError
+from itmo_video.model import ChromaSiting, ClipInfo, Code, Encoding, Family, Frame
+from itmo_video.probe import InputOptions as InputOptions
+from itmo_video.probe import content_digest
 
-CONTAINERS = (
-    "mov,mp4,m4a,3gp,3g2,mj2,matroska,webm,avi,mpeg,mpegts,mpegvideo,mxf,ogg,flv,asf,gif,apng,"
-    "ivf,h264,hevc,av1,obu,m4v,mjpeg,yuv4mpegpipe,nut,wtv,dv,rm,"
-    "image2,png_pipe,jpeg_pipe,tiff_pipe,webp_pipe,bmp_pipe,image2pipe"
-)
-_DIGEST_BLOCK = 1 << 20
-_DIGEST_WHOLE = 64 << 20
+STILL_RATE = Fraction(24)  # images have no rate of their own
+_LEAD_IN = 4  # frames decoded ahead, so that the deinterlacer has its neighbours
+_INTERLACED = {2: "tff", 3: "bff", 4: "tff", 5: "bff"}  # FFmpeg's AVFieldOrder
+_INDEXED = ("mov", "matroska", "avi", "mxf")  # containers that are read by whole packets
+_NUMBER = re.compile(r"%0?(\d*)d|#+")
+_LIMITED_GREY = ("h264", "hevc", "av1", "libdav1d", "vp9", "mpeg2video", "mpeg4")
 
-
-@dataclass(frozen=True)
-class _Index:
-    """Presentation time stamps of all frames, sorted, and those of the seek points."""
-
-    pts: list[int]
-    seek_pts: list[int]
-    is_exact: bool  # false: stamps are missing or not unique, so frames are counted from the start
+Turn = tuple[int, bool]  # degrees clockwise, mirrored left-right first
 
 
 class Clip:
-    """An open clip: `info` says what it is, `frames` decodes it; close it or use it in `with`."""
+    """An open source: `info` says what it is, `frames` reads it. Close it, or use `with`."""
 
-    def __init__(self, path: Path, options: InputOptions) -> None:
-        self._path, self._options = path, options
-        container = _open(path)
-        try:
-            stream = _video_stream(container, path)
-            self._check_pixels(stream.codec_context.width, stream.codec_context.height)
-            self._time_base = Fraction(stream.time_base or Fraction(1, 90000))
-            self._index = _scan(container, stream)
-            first = self._first_frame()
-            self._encoding = tags.resolve_encoding(stream.codec_context, first, options, str(path))
-            self._native = tags.native_format(first.format.name)
-            self._size = (first.width, first.height)
-            self._turn = tags.orientation(first)
-            self.info = self._describe(container, stream)
-        except av.FFmpegError as error:
-            raise _unreadable(path, error) from error
-        finally:
-            container.close()
+    info: ClipInfo
+
+    def frames(self, start: int = 0) -> Iterator[Frame]:
+        """Yield the frames from index `start` on, in presentation order, the same whatever `start`.
+
+        Frames that do not decode are left out, so indices may have gaps. Raises
+        DamagedInputError at the first frame that has another size or format than the clip's first.
+        Independent iterators may run side by side, also in threads.
+        """
+        raise NotImplementedError
+
+    def close(self) -> None:
+        """Release the source; files are open only while frames are read, so nothing is held."""
 
     def __enter__(self) -> Clip:
         return self
@@ -67,221 +55,659 @@ class Clip:
     def __exit__(self, *exc: object) -> None:
         self.close()
 
-    def close(self) -> None:
-        """Release the file; decoding opens it anew each time, so nothing is held in between."""
+
+def open_clip(path: str | Path, options: InputOptions | None = None) -> Clip:
+    """Open a video file, a still image or a numbered sequence (`img.%04d.png`, `img.####.png`).
+
+    Raises InputError when it cannot be read and AlreadyHdrError when it is HDR already.
+    """
+    options = options or InputOptions()
+    absolute = Path(os.path.abspath(path))
+    if not os.path.lexists(absolute) and _NUMBER.search(absolute.name):
+        return _StillClip(absolute, _sequence(absolute), options)
+    probe.check_file(absolute)
+    if probe.still_codec(absolute):
+        return _StillClip(absolute, {0: absolute}, options)
+    return _VideoClip(absolute, options)
+
+
+def with_encoding(frame: Frame, encoding: Encoding) -> Frame:
+    """Give the same codes, read as another encoding."""
+    return replace(frame, encoding=encoding)
+
+
+# ---- decoded pictures to planes ----
+
+
+@dataclass(frozen=True)
+class _Picture:
+    """A decoded picture's planes, still as stored: not yet upright."""
+
+    family: Family
+    bit_depth: int
+    has_alpha: bool
+    planes: tuple[Code, ...]
+
+
+_PLANAR = re.compile(r"(yuvj?|yuva|gbrp|gbrap|gray)(?:4\d\dp|)(9|1[0246]|)(le|be|)")
+_PACKED_RGB = {
+    "rgb24": "rgb", "bgr24": "bgr", "rgba": "rgba", "bgra": "bgra", "argb": "argb",
+    "abgr": "abgr", "rgb0": "rgb0", "bgr0": "bgr0", "0rgb": "0rgb", "0bgr": "0bgr",
+    "rgb48": "rgb", "bgr48": "bgr", "rgba64": "rgba", "bgra64": "bgra",
+    "gray8a": "ga", "ya8": "ga", "ya16": "ga",
+}  # fmt: skip
+_PACKED_YUV = {"yuyv422": (0, 1, 3), "uyvy422": (1, 0, 2), "yvyu422": (0, 3, 1)}
+_SEMI_PLANAR = re.compile(r"(nv|p[024])(12|21|16|24|42|10|12|16)(le|)")
+
+
+def _planes(frame: Any) -> _Picture:
+    """Copy out a picture's codes; AlreadyHdrError for floats, InputError for what is no picture.
+
+    Common formats are taken apart here; rare ones are first unpacked by swscale to a planar format
+    of the same kind, never from Y'CbCr to RGB, which it does with a bias.
+    """
+    name = str(frame.format.name)
+    if re.search(r"f(16|32)", name):
+        raise AlreadyHdrError(f"its pixels are floating-point ({name}), so it is HDR already")
+    if name.startswith(("bayer", "xyz")):
+        raise InputError(f"its pixel format {name} is not understood")
+    if name == "pal8":
+        indices, palette = frame.to_ndarray()  # the palette's rows are A, R, G, B
+        codes = palette[indices]
+        has_alpha = bool(codes[..., 0].min() < 255)
+        order = (1, 2, 3, 0) if has_alpha else (1, 2, 3)
+        return _Picture("rgb", 8, has_alpha, tuple(codes[..., i].copy() for i in order))
+    base, big = (name[:-2], name.endswith("be")) if name[-2:] in ("le", "be") else (name, False)
+    if all(plane.line_size > 0 for plane in frame.planes):  # a negative one is stored upside down
+        if found := _PLANAR.fullmatch(name):
+            return _planar(frame, found[1], int(found[2] or 8), big)
+        if base in _PACKED_RGB:
+            return _packed(frame, _PACKED_RGB[base], 16 if re.search("16|48|64", base) else 8, big)
+        if name in _PACKED_YUV:
+            return _packed_yuv(frame, _PACKED_YUV[name])
+        if _SEMI_PLANAR.fullmatch(name):
+            return _semi_planar(frame, name)
+    return _planes(frame.reformat(format=_unpacked(frame.format)))
+
+
+def _unpacked(form: Any) -> str:
+    """Name the planar format that holds all of a rare packed one."""
+    bits = max((component.bits for component in form.components), default=8)
+    suffix = "" if bits <= 8 else "10le" if bits == 10 and form.is_rgb else "16le"
+    alpha = any(component.is_alpha for component in form.components)
+    if form.is_rgb or form.has_palette:
+        return ("gbrap" if alpha else "gbrp") + suffix
+    if len(form.components) == 1:
+        return "gray" + suffix
+    return ("yuva444p" if alpha else "yuv444p") + suffix
+
+
+def _raw(plane: Any, columns: int, bit_depth: int, big: bool = False) -> Code:
+    """A plane's values without its lines' padding, as a view where that can be."""
+    size = 1 if bit_depth == 8 else 2
+    rows = np.frombuffer(plane, np.uint8).reshape(-1, plane.line_size)[: plane.height]
+    rows = rows[:, : columns * size]
+    if size == 1:
+        return rows
+    return rows.view(">u2").astype(np.uint16) if big else rows.view("<u2")
+
+
+def _planar(frame: Any, kind: str, bit_depth: int, big: bool) -> _Picture:
+    order = {"gbrp": (2, 0, 1), "gbrap": (2, 0, 1, 3), "gray": (0,), "yuva": (0, 1, 2, 3)}
+    family: Family = "rgb" if kind.startswith("gb") else "grey" if kind == "gray" else "ycbcr"
+    planes = [frame.planes[i] for i in order.get(kind, (0, 1, 2))]
+    codes = tuple(_raw(plane, plane.width, bit_depth, big).copy() for plane in planes)
+    return _Picture(family, bit_depth, kind in ("yuva", "gbrap"), codes)
+
+
+def _packed(frame: Any, channels: str, bit_depth: int, big: bool) -> _Picture:
+    step = len(channels)
+    raw = _raw(frame.planes[0], frame.width * step, bit_depth, big)
+    grey = channels == "ga"
+    wanted = ("g" if grey else "rgb") + ("a" if "a" in channels else "")
+    codes = tuple(raw[:, channels.index(channel) :: step].copy() for channel in wanted)
+    return _Picture("grey" if grey else "rgb", bit_depth, "a" in channels, codes)
+
+
+def _packed_yuv(frame: Any, places: tuple[int, int, int]) -> _Picture:
+    across = -(-frame.width // 2)
+    raw = _raw(frame.planes[0], across * 4, 8)
+    luma, cb, cr = places
+    codes = (raw[:, luma::2][:, : frame.width].copy(), raw[:, cb::4].copy(), raw[:, cr::4].copy())
+    return _Picture("ycbcr", 8, False, codes)
+
+
+def _semi_planar(frame: Any, name: str) -> _Picture:
+    bit_depth = 8 if name.startswith("nv") else int(name[2:4])
+    luma = _raw(frame.planes[0], frame.width, bit_depth)
+    pairs = _raw(frame.planes[1], frame.planes[1].width * 2, bit_depth)
+    first, second = (1, 0) if name in ("nv21", "nv42") else (0, 1)
+    shift = 0 if bit_depth == 8 else 16 - bit_depth  # P010 and its like keep codes in the high bits
+    codes = tuple(codes >> shift for codes in (luma, pairs[:, first::2], pairs[:, second::2]))
+    return _Picture("ycbcr", bit_depth, False, tuple(np.ascontiguousarray(c) for c in codes))
+
+
+# ---- upright ----
+
+_OFFSETS: dict[ChromaSiting, tuple[float, float]] = {
+    "topleft": (0, 0), "top": (0.5, 0), "topright": (1, 0),
+    "left": (0, 0.5), "center": (0.5, 0.5), "right": (1, 0.5),
+    "bottomleft": (0, 1), "bottom": (0.5, 1), "bottomright": (1, 1),
+}  # fmt: skip
+_SITINGS = {offsets: siting for siting, offsets in _OFFSETS.items()}
+
+
+def upright(
+    planes: tuple[Code, ...], turn: Turn, encoding: Encoding
+) -> tuple[tuple[Code, ...], Encoding]:
+    """Mirror and turn planes for display; the chroma siting turns with them.
+
+    Where an odd size would put chroma samples off every siting, the chroma is first brought to
+    full size in 16 bits, which is exact for limited range.
+    """
+    rotation, flip = turn
+    if not rotation and not flip:
+        return planes, encoding
+    if encoding.family == "ycbcr" and planes[1].shape != planes[0].shape:
+        height, width = planes[0].shape
+        x_reversed = flip != (rotation in (180, 270))
+        y_reversed = rotation in (90, 180)
+        odd_x = x_reversed and planes[1].shape[1] * 2 != width != planes[1].shape[1]
+        odd_y = y_reversed and planes[1].shape[0] * 2 != height != planes[1].shape[0]
+        if odd_x or odd_y or min(planes[1].shape) * 2 < min(height, width):
+            planes, encoding = _full_chroma(planes, encoding)
+    x, y = _OFFSETS[encoding.siting]
+    x = 1 - x if flip else x
+    for _ in range(rotation // 90):
+        x, y = 1 - y, x
+    turned = tuple(
+        cast(Code, np.ascontiguousarray(np.rot90(p[:, ::-1] if flip else p, -rotation // 90)))
+        for p in planes
+    )
+    return turned, replace(encoding, siting=_SITINGS[x, y])
+
+
+def _full_chroma(planes: tuple[Code, ...], encoding: Encoding) -> tuple[tuple[Code, ...], Encoding]:
+    height, width = planes[0].shape
+    depth, top = encoding.bit_depth, 2**encoding.bit_depth - 1
+    scale = 65535 / top if encoding.range == "full" else 2.0 ** (16 - depth)
+
+    def wide(values: npt.NDArray[Any], factor: float, middle: float = 0) -> Code:
+        codes = (values.astype(np.float64) - middle) * factor + middle * 2.0 ** (16 - depth)
+        return np.clip(np.round(codes), 0, 65535).astype(np.uint16)
+
+    luma = wide(planes[0], scale)
+    chroma = (colour.upsample_chroma(p, (width, height), encoding.siting) for p in planes[1:3])
+    cb, cr = (wide(p, scale, 2.0 ** (depth - 1)) for p in chroma)
+    alpha = tuple(wide(p, 65535 / top) for p in planes[3:])
+    return (luma, cb, cr, *alpha), replace(encoding, bit_depth=16)
+
+
+# ---- video files ----
+
+
+class _VideoClip(Clip):
+    def __init__(self, path: Path, options: InputOptions) -> None:
+        self._path, self._options = path, options
+        try:
+            self._probe()
+        except av.FFmpegError as error:
+            raise InputError(f"cannot be read ({error.strerror})", where=str(path)) from error
 
     def frames(self, start: int = 0) -> Iterator[Frame]:
-        """Frames from index `start` on, in presentation order; the same whatever `start` is.
+        ahead = max(0, start - _LEAD_IN) if self._deinterlace else start
+        pictures = self._numbered(ahead)
+        if self._deinterlace:
+            pictures = self._deinterlaced(pictures)
+        for index, decoded, is_damaged in pictures:
+            if index >= start:
+                self._check_same(index, decoded)
+                yield self._frame(index, decoded, is_damaged)
 
-        Frames that do not decode are left out, so indices may have gaps. Raises
-        DamagedInputError when a frame has another size or format than the first.
-        """
-        container = _open(self._path)
-        try:
-            stream = _video_stream(container, self._path)
-            stream.thread_type = "AUTO"
-            exact = self._index.is_exact
-            if start > 0 and exact and start < len(self._index.pts):
-                at = bisect_right(self._index.seek_pts, self._index.pts[start]) - 1
-                if at > 0:
-                    container.seek(self._index.seek_pts[at], stream=stream, backward=True)
-            last = -1
-            for decoded in _decode(container, stream):
-                if exact and decoded.pts is not None:
-                    index = bisect_left(self._index.pts, decoded.pts)
-                    known = index < len(self._index.pts) and self._index.pts[index] == decoded.pts
-                    if not known:
-                        continue
-                else:
-                    index = last + 1
-                if index <= last:
-                    continue
+    def _probe(self) -> None:
+        path, options = self._path, self._options
+        with probe.open_video(path, options.max_pixels) as (container, stream):
+            self._packets = probe.scan_packets(container, stream)
+            self._time_base = Fraction(stream.time_base or 1)
+            self._codec = codec = str(stream.codec_context.name)
+            order = _INTERLACED.get(int(stream.codec_context.field_order), "progressive")
+            is_doubtful = order != "progressive" or str(container.format.name) == "avi"
+            first = self._first_frame(is_doubtful)
+            self._size = (first.width, first.height)
+            self._form = _same_form(first)
+            picture = _at(path, _planes, first)
+            self._stored, told = probe.resolve_encoding(
+                probe.read_tags(first, stream.codec_context),
+                options,
+                family=picture.family,
+                bit_depth=picture.bit_depth,
+                has_alpha=picture.has_alpha,
+                is_full_format="yuvj" in first.format.name
+                or (picture.family == "grey" and codec not in _LIMITED_GREY),
+                is_still=str(container.format.name) in ("gif", "apng"),
+                codec=codec,
+                lines=first.height,
+                where=str(path),
+            )
+            self._turn = probe.frame_turn(first)
+            _, shown = upright(picture.planes, self._turn, self._stored)
+            is_interlaced = order != "progressive" or bool(first.interlaced_frame)
+            if is_interlaced and order == "progressive":
+                order = "interlaced"
+            self._deinterlace = self._deinterlacer(first, is_interlaced)
+            notices = list(told)
+            if is_interlaced or self._options.deinterlace == "force":
+                done = "deinterlaced" if self._deinterlace else "left as it is"
+                notices.append(f"it is {'' if is_interlaced else 'not '}flagged interlaced: {done}")
+            if not self._packets.is_exact:
+                notices.append("its time stamps are incomplete: frames are counted from the start")
+            self.info = self._describe(container, stream, shown, order, notices)
+
+    def _first_frame(self, is_doubtful: bool) -> Any:
+        """The first frame that decodes; finds out on the way whether packets can be counted."""
+        if self._packets.is_exact and is_doubtful:
+            head = (self._packets.index_of(f.pts) for f in islice(self._decoded(None), 24))
+            found = [index for index in head if index is not None]
+            # AVI stamps packets in the file's order; an interlaced frame may be two packets.
+            is_shuffled = found != sorted(found)
+            is_halved = len(found) > 1 and all(index % 2 == 0 for index in found)
+            if is_shuffled or is_halved:
+                self._packets = replace(self._packets, is_exact=False)
+        if not self._packets.is_exact:
+            count = sum(1 for _ in self._numbered(0))
+            self._packets = replace(self._packets, pts=tuple(range(count)), declared=None)
+        for _, frame, _ in self._numbered(0):
+            return frame
+        raise InputError(
+            "no frame of it can be decoded: it is damaged, encrypted or has none",
+            where=str(self._path),
+        )
+
+    def _numbered(self, start: int) -> Iterator[tuple[int, Any, bool]]:
+        """Decoded frames with their indices, rising, from somewhere at or before `start` on."""
+        packets = self._packets
+        if not packets.is_exact:
+            yield from (
+                (n, frame, bool(frame.is_corrupt)) for n, frame in enumerate(self._decoded(None))
+            )
+            return
+        if start >= len(packets.pts):
+            return
+        last = -1
+        for frame in self._decoded(self._entry(start)):
+            index = packets.index_of(frame.pts)
+            if index is not None and index > last:
                 last = index
-                if index >= start:
-                    yield self._frame(index, decoded)
-        finally:
-            container.close()
+                yield index, frame, bool(frame.is_corrupt)
 
-    def _first_frame(self) -> VideoFrame:
-        container = _open(self._path)
+    def _entry(self, start: int) -> tuple[int, int, int] | None:
+        """The key packet to decode from so that frame `start` comes out whole; None for the first.
+
+        It comes before the frame both in the file and on the screen: a frame shown before its key
+        packet may refer to the group before. One more for H.264, whose key packets may be points
+        of gradual recovery.
+        """
+        pts = self._packets.pts[start]
+        place = self._packets.order[pts][0]
+        usable = [key for key in self._packets.keys if key[0] <= place and key[1] <= pts]
+        back = 2 if self._codec == "h264" else 1
+        return usable[-back] if len(usable) >= back and usable[-back][0] > 0 else None
+
+    def _decoded(self, entry: tuple[int, int, int] | None) -> Iterator[Any]:
+        """Decode from a key packet on, past packets that fail."""
+        # By either stamp, as containers differ in what they seek by; else from further back.
+        stamps: list[int | None] = [None]
+        if entry is not None:
+            before = [key[1] for key in self._packets.keys if key[0] < entry[0]][-2:]
+            stamps = [*entry[1:], *reversed(before), None]
+        for stamp in stamps:
+            with probe.open_video(self._path, self._options.max_pixels) as (container, stream):
+                packets = container.demux(stream)
+                if entry is not None and stamp is not None:
+                    packets = self._after_seek(container, stream, entry[0], stamp)
+                if packets is not None:
+                    yield from _decode_all(_decoder(stream, self._options.max_pixels), packets)
+                    return
+
+    def _after_seek(
+        self, container: Any, stream: Any, place: int, stamp: int
+    ) -> Iterator[Any] | None:
+        """Packets from the one at `place` on, wherever the seek lands; None if it lands later."""
+        # Without an index a seek lands within a packet, whose rest then bears a whole one's stamp.
+        is_whole = str(container.format.name).startswith(_INDEXED)
         try:
-            stream = _video_stream(container, self._path)
-            for frame in _decode(container, stream):
-                self._check_pixels(frame.width, frame.height)
-                return frame
-        finally:
-            container.close()
-        raise InputError("no frame of it can be decoded", where=str(self._path))
+            container.seek(stamp, stream=stream, backward=True)
+            packets = container.demux(stream)
+            for packet in packets:
+                at, size = self._packets.order.get(packet.pts, (-1, 0))
+                if at == place and is_whole and packet.size == size:
+                    return chain((packet,), packets)
+                if at >= place:
+                    return None
+                is_whole = is_whole or at >= 0
+        except (av.FFmpegError, OSError):
+            pass
+        return None
 
-    def _check_pixels(self, width: int, height: int) -> None:
-        if width * height > self._options.max_pixels:
-            raise InputError(
-                f"{width}x{height} is more than {self._options.max_pixels} pixels a frame",
-                where=str(self._path),
-                remedy="Raise --max-pixels if that is meant.",
-            )
+    def _check_same(self, index: int, decoded: Any) -> None:
+        size, form = (decoded.width, decoded.height), _same_form(decoded)
+        if size == self._size and form == self._form:
+            return
+        now = f"{size[0]}x{size[1]} {form}"
+        raise DamagedInputError(
+            f"frame {index} is {now}, not {self._size[0]}x{self._size[1]} {self._form} as before",
+            where=str(self._path),
+            remedy="What came before it can be converted; split the file where it changes.",
+        )
 
-    def _frame(self, index: int, decoded: VideoFrame) -> Frame:
-        if (decoded.width, decoded.height) != self._size:
-            raise DamagedInputError(
-                f"frame {index} is {decoded.width}x{decoded.height}, "
-                f"not {self._size[0]}x{self._size[1]} as before",
-                where=str(self._path),
-                remedy="What came before it was converted; split the file where its size changes.",
-            )
-        planes = tags.orient(_planes(decoded, self._native), self._turn, self._encoding)
-        return Frame(index, self._time(index), planes, self._encoding, bool(decoded.is_corrupt))
+    def _frame(self, index: int, decoded: Any, is_damaged: bool) -> Frame:
+        planes = _planes(decoded).planes
+        count = {"ycbcr": 3, "rgb": 3, "grey": 1}[self._stored.family] + self._stored.has_alpha
+        if len(planes) < count:  # a palette without transparency, in a clip that has it
+            planes = (*planes, np.full_like(planes[0], 255))
+        planes, encoding = upright(planes[:count], self._turn, self._stored)
+        return Frame(index, self._time(index), planes, encoding, is_damaged)
 
     def _time(self, index: int) -> Fraction:
-        if self._index.is_exact:
-            return self._index.pts[index] * self._time_base
+        if self._packets.is_exact:
+            return self._packets.pts[index] * self._time_base
         return Fraction(index) / self.info.frame_rate
 
-    def _describe(self, container: Any, stream: VideoStream) -> ClipInfo:
-        pts, context = self._index.pts, stream.codec_context
-        steps = np.diff(np.asarray(pts, np.int64)) if self._index.is_exact else np.zeros(0)
-        # Matroska counts in whole milliseconds, so steps of a constant rate differ by one.
-        is_vfr = bool(steps.size) and int(steps.max() - steps.min()) > 1
+    # -- deinterlacing
+
+    def _deinterlacer(self, first: Any, is_flagged: bool) -> bool:
+        """Whether frames go through the deinterlacer."""
+        mode = self._options.deinterlace
+        if mode == "off" or not (mode == "force" or is_flagged):
+            return False
+        if min(first.width, first.height) < 4:
+            return False
+        graph = self._graph(first)
+        graph.vpush(first)
+        graph.vpush(None)
+        # Formats that the filter does not take would be converted unseen.
+        return bool(graph.vpull().format.name == first.format.name)
+
+    def _graph(self, like: Any) -> Any:
+        """One frame out for each one in, each from itself and its two neighbours."""
+        which = "all" if self._options.deinterlace == "force" else "interlaced"
+        graph = av.filter.Graph()
+        source = graph.add_buffer(
+            width=like.width, height=like.height, format=like.format, time_base=self._time_base
+        )
+        bwdif = graph.add("bwdif", f"mode=send_frame:parity=auto:deint={which}")
+        sink = graph.add("buffersink")
+        source.link_to(bwdif)
+        bwdif.link_to(sink)
+        graph.configure()
+        return graph
+
+    def _deinterlaced(self, pictures: Iterator[tuple[int, Any, bool]]) -> Iterator[Any]:
+        graph, waiting = None, deque[tuple[int, bool]]()
+        for index, decoded, is_damaged in pictures:
+            if (decoded.width, decoded.height) != self._size or _same_form(decoded) != self._form:
+                yield index, decoded, is_damaged  # it ends the clip
+                return
+            graph = graph or self._graph(decoded)
+            waiting.append((index, is_damaged))
+            decoded.pts, decoded.time_base = index, self._time_base
+            graph.vpush(decoded)
+            yield from _pull(graph, waiting)
+        if graph is not None:
+            graph.vpush(None)
+            yield from _pull(graph, waiting)
+
+    # -- what is known
+
+    def _describe(
+        self, container: Any, stream: Any, shown: Encoding, field_order: str, notices: list[str]
+    ) -> ClipInfo:
+        packets, context = self._packets, stream.codec_context
         rate = Fraction(stream.average_rate or stream.guessed_rate or 25)
-        aspect = Fraction(context.sample_aspect_ratio or 1) or Fraction(1)
+        count, length, is_vfr = len(packets.pts), len(packets.pts) / rate, False
+        step = probe.packet_step(packets.pts) if packets.is_exact else None
+        if step is not None:
+            measured = 1 / (step * self._time_base)
+            rate = rate if 0.8 < rate / measured < 1.25 or rate < measured else measured
+            length = (packets.pts[-1] - packets.pts[0] + step) * self._time_base
+            # Where the file is cut off, the last frames lack some of those shown before them.
+            whole = packets.pts[: None if (packets.declared or 0) <= count else -16]
+            steps = np.diff(np.asarray(whole, np.int64))
+            # Matroska counts in whole milliseconds, so steps of a constant rate differ by one.
+            is_vfr = steps.size > 0 and int(np.ptp(steps)) > max(1, step // 50)
+        if is_vfr:
+            notices.append("its frame rate varies: each frame keeps its own time")
+        if packets.declared is not None and packets.declared > count:
+            notices.append(
+                f"it is cut short: {packets.declared - count} frames are missing at its end"
+            )
+        aspect = Fraction(stream.sample_aspect_ratio or context.sample_aspect_ratio or 1)
         rotation, flip = self._turn
-        if rotation % 180:
-            aspect = 1 / aspect
-        frames = len(pts)
+        if rotation or flip:
+            mirrored = "mirrored, then " if flip else ""
+            notices.append(f"turned upright: {mirrored}{rotation} degrees clockwise")
+        codes = (s.metadata.get("timecode") for s in (container, *container.streams))
         return ClipInfo(
             path=str(self._path),
             stem=self._path.stem,
             container=str(container.format.name),
-            codec=str(context.name),
-            pixel_format=str(context.pix_fmt),
+            codec=self._codec,
+            pixel_format=self._form,
             width=self._size[0],
             height=self._size[1],
-            frames=frames,
+            frames=count,
             frame_rate=rate,
-            duration_s=frames / rate,
+            duration_s=length,
             is_vfr=is_vfr,
-            pixel_aspect=aspect,
+            pixel_aspect=1 / aspect if rotation % 180 else aspect,
             rotation_deg=rotation,
             flip=flip,
-            field_order=tags.field_order(context),
-            timecode=tags.timecode(container, stream),
-            encoding=self._encoding,
+            field_order=field_order,
+            timecode=next((str(code) for code in codes if code), None),
+            encoding=shown,
             digest=content_digest([self._path]),
-            notices=tags.notices(context, self._encoding),
+            notices=tuple(notices),
+            frames_declared=packets.declared,
         )
 
 
-def open_clip(path: str | Path, options: InputOptions | None = None) -> Clip:
-    """Open a clip; raises InputError when it cannot be read and AlreadyHdrError when it is HDR."""
-    options = options or InputOptions()
-    absolute = Path(os.path.abspath(path))
-    if not absolute.exists():
-        raise InputError("no such file", where=str(path))
-    if absolute.is_dir():
-        raise InputError("is a folder, not a clip", where=str(path))
-    if absolute.stat().st_size == 0:
-        raise InputError("the file is empty", where=str(path))
-    return Clip(absolute, options)
+def _decoder(stream: Any, max_pixels: int) -> Any:
+    """The stream's decoder; for VP8 and VP9 with alpha libvpx, which alone decodes that."""
+    context = stream.codec_context
+    name = {"vp8": "libvpx", "vp9": "libvpx-vp9"}.get(str(context.name))
+    if name is None or stream.metadata.get("alpha_mode") != "1" or name not in av.codecs_available:
+        return context
+    alone = av.CodecContext.create(name, "r")
+    alone.options = {"max_pixels": str(max_pixels)}
+    return alone
 
 
-def content_digest(paths: list[Path]) -> str:
-    """Digest of the files' content, not of their names: 32 hex digits.
-
-    Whole files up to 64 MiB; of larger ones the size and 64 blocks of 1 MiB, evenly spread.
-    """
-    digest = hashlib.blake2b(digest_size=16)
-    for path in paths:
-        size = path.stat().st_size
-        digest.update(size.to_bytes(8, "little"))
-        with path.open("rb") as file:
-            if size <= _DIGEST_WHOLE:
-                digest.update(file.read())
-                continue
-            for i in range(64):
-                file.seek(i * (size - _DIGEST_BLOCK) // 63)
-                digest.update(file.read(_DIGEST_BLOCK))
-    return digest.hexdigest()
-
-
-def _open(path: Path) -> Any:
-    try:
-        # Only local files, only containers: a playlist could make FFmpeg read other files.
-        options = {"protocol_whitelist": "file", "format_whitelist": CONTAINERS}
-        return av.open(os.fspath(path), options=options, metadata_errors="replace")
-    except (av.FFmpegError, ValueError, OSError) as error:
-        raise _unreadable(path, error) from error
-
-
-def _unreadable(path: Path, error: Exception) -> InputError:
-    reason = getattr(error, "strerror", None) or str(error)
-    return InputError(f"cannot be read: {reason}", where=str(path))
-
-
-def _video_stream(container: Any, path: Path) -> VideoStream:
-    videos = [s for s in container.streams.video if not _is_cover(s)]
-    if not videos:
-        raise InputError("there is no video in it", where=str(path))
-    stream = videos[0]
-    if stream.codec_context is None:
-        raise InputError("its video codec is unknown", where=str(path))
-    assert isinstance(stream, VideoStream)
-    return stream
-
-
-def _is_cover(stream: Any) -> bool:
-    return "attached_pic" in str(getattr(stream, "disposition", ""))
-
-
-def _scan(container: Any, stream: VideoStream) -> _Index:
-    pts: list[int | None] = []
-    seek: list[int] = []
-    try:
-        for packet in container.demux(stream):
-            if packet.size == 0 or packet.is_discard:
-                continue
-            pts.append(packet.pts)
-            if packet.is_keyframe and packet.pts is not None:
-                seek.append(packet.pts)
-    except av.FFmpegError:
-        pass  # what was read until here is what there is
-    known = [p for p in pts if p is not None]
-    if len(known) == len(pts) and len(set(known)) == len(pts):
-        return _Index(sorted(known), sorted(seek), True)
-    return _Index(list(range(len(pts))), [], False)
-
-
-def _decode(container: Any, stream: VideoStream) -> Iterator[VideoFrame]:
-    """Decode on, past packets that fail."""
-    packets = container.demux(stream)
+def _decode_all(context: Any, packets: Iterator[Any]) -> Iterator[Any]:
     while True:
         try:
             packet = next(packets, None)
-        except av.FFmpegError:
-            return
-        if packet is None:
-            return
+        except (av.FFmpegError, OSError):
+            packet = None
         try:
-            decoded = packet.decode()
-        except av.FFmpegError:
-            continue
-        for frame in decoded:
-            if isinstance(frame, VideoFrame):
-                yield frame
+            frames = context.decode(packet)
+        except (av.FFmpegError, EOFError):
+            frames = []
+        yield from frames
+        if packet is None or packet.size == 0:
+            return
 
 
-def _planes(frame: VideoFrame, native: tags.Native) -> tuple[Code, ...]:
-    if frame.format.name != native.name:
-        frame = frame.reformat(format=native.name)
-    dtype = np.dtype(np.uint8) if native.bit_depth == 8 else np.dtype("<u2")
-    arrays: list[Code] = []
-    for i in native.order:
-        plane = frame.planes[i]
-        codes = np.frombuffer(memoryview(plane), dtype)
-        rows = codes.reshape(plane.height, plane.line_size // dtype.itemsize)
-        arrays.append(cast(Code, np.ascontiguousarray(rows[:, : plane.width])))
-    return tuple(arrays)
+def _pull(graph: Any, waiting: deque[tuple[int, bool]]) -> Iterator[tuple[int, Any, bool]]:
+    while True:
+        try:
+            picture = graph.vpull()
+        except (av.FFmpegError, EOFError):
+            return
+        index, is_damaged = waiting.popleft()
+        yield index, picture, is_damaged
 
 
-def with_encoding(frame: Frame, encoding: Encoding) -> Frame:
-    """The same codes read as another encoding."""
-    return replace(frame, encoding=encoding)
+def _same_form(frame: Any) -> str:
+    """The pixel format, the same for a full-range one and its plain name."""
+    return str(frame.format.name).replace("yuvj", "yuv")
+
+
+# ---- stills and numbered sequences ----
+
+
+class _StillClip(Clip):
+    """Images by index; each one is read by its own tags, as encoders vary the format."""
+
+    def __init__(self, path: Path, files: dict[int, Path], options: InputOptions) -> None:
+        self._path, self._files, self._options = path, dict(sorted(files.items())), options
+        self._alpha: bool | None = None
+        self._size: tuple[int, int] | None = None
+        self._first = min(files)
+        is_single = list(files.values()) == [path]
+        for index, file in self._files.items():
+            found = self._read(index, file)
+            if found is not None:
+                break
+            if is_single:
+                raise InputError(
+                    f"cannot be decoded: damaged, or more than {options.max_pixels} pixels",
+                    where=str(path),
+                )
+        else:
+            raise InputError("none of its images can be decoded", where=str(path))
+        frame, picture, turn, told = found
+        self._alpha, self._size = frame.encoding.has_alpha, frame.size
+        count = max(self._files) - self._first + 1
+        notices = list(told)
+        if turn != (0, False):
+            notices.append(
+                f"turned upright: {'mirrored, then ' * turn[1]}{turn[0]} degrees clockwise"
+            )
+        if not is_single:
+            notices.append(f"images have no frame rate: assumed {STILL_RATE}")
+            if len(files) < count:
+                notices.append(f"{count - len(files)} numbers of the sequence are missing")
+        self.info = ClipInfo(
+            path=str(path),
+            stem=path.stem if is_single else _sequence_stem(path),
+            container="image" if is_single else "image sequence",
+            codec=str(probe.still_codec(self._files[self._first + frame.index])),
+            pixel_format=_same_form(picture),
+            width=picture.width,
+            height=picture.height,
+            frames=count,
+            frame_rate=STILL_RATE,
+            duration_s=count / STILL_RATE,
+            is_vfr=False,
+            pixel_aspect=Fraction(1),
+            rotation_deg=turn[0],
+            flip=turn[1],
+            field_order="progressive",
+            timecode=None,
+            encoding=frame.encoding,
+            digest=content_digest(list(self._files.values())),
+            first_number=None if is_single else self._first,
+            notices=tuple(notices),
+        )
+
+    def frames(self, start: int = 0) -> Iterator[Frame]:
+        for number, file in self._files.items():
+            if number - self._first < start:
+                continue
+            found = self._read(number, file)
+            if found is None:
+                continue
+            frame = found[0]
+            if frame.size != self._size or frame.encoding.has_alpha != self._alpha:
+                raise DamagedInputError(
+                    f"it is {frame.size[0]}x{frame.size[1]}, "
+                    f"the first image {self.info.display_size[0]}x{self.info.display_size[1]}, "
+                    "or only one of the two has alpha",
+                    where=str(file),
+                    remedy="What came before can be converted; put unlike images apart.",
+                )
+            yield frame
+
+    def _read(self, number: int, file: Path) -> tuple[Frame, Any, Turn, tuple[str, ...]] | None:
+        """One image as a frame, with what it was decoded to; None when it does not decode."""
+        try:
+            probe.check_file(file)
+            codec = probe.still_codec(file)
+        except InputError:
+            if len(self._files) == 1:
+                raise
+            return None
+        if codec is None:
+            return None
+        data = file.read_bytes()
+        decoded = _decode_still(data, codec, self._options.max_pixels, str(file))
+        if decoded is None:
+            return None
+        picture = _at(file, _planes, decoded)
+        encoding, told = probe.resolve_encoding(
+            probe.read_tags(decoded),
+            self._options,
+            family=picture.family,
+            bit_depth=picture.bit_depth,
+            has_alpha=picture.has_alpha,
+            is_full_format="yuvj" in decoded.format.name or picture.family != "ycbcr",
+            is_still=True,
+            codec=codec,
+            lines=decoded.height,
+            where=str(file),
+        )
+        turn = probe.exif_turn(data)
+        planes, encoding = upright(picture.planes, turn, encoding)
+        index = number - self._first
+        is_damaged = bool(decoded.is_corrupt)
+        return Frame(index, index / STILL_RATE, planes, encoding, is_damaged), decoded, turn, told
+
+
+def _decode_still(data: bytes, codec: str, max_pixels: int, where: str) -> Any:
+    if codec == "png":
+        width, height = (int.from_bytes(data[at : at + 4], "big") for at in (16, 20))
+        probe.check_pixels(width, height, max_pixels, where)
+    try:
+        context = cast(Any, av.CodecContext.create(codec, "r"))
+        context.options = {"max_pixels": str(max_pixels)}
+        frames = context.decode(av.Packet(data)) or context.decode(None)
+    except (av.FFmpegError, EOFError, ValueError):
+        return None
+    return frames[0] if frames else None
+
+
+def _sequence(path: Path) -> dict[int, Path]:
+    """The files of a numbered pattern, by number; InputError when there are none."""
+    match = _NUMBER.search(path.name)
+    assert match is not None
+    digits = int(match[1] or 1) if match[0].startswith("%") else len(match[0])
+    before, after = (
+        re.escape(path.name[part]) for part in (slice(match.start()), slice(match.end(), None))
+    )
+    name = re.compile(f"{before}([0-9]{{{digits},}}){after}", re.DOTALL)
+    files: dict[int, Path] = {}
+    try:
+        entries = os.listdir(path.parent)
+    except OSError as error:
+        raise InputError(f"cannot be read: {error.strerror}", where=str(path.parent)) from error
+    for entry in entries:
+        found = name.fullmatch(entry)
+        if found and (len(found[1]) == digits or found[1][0] != "0"):
+            files[int(found[1])] = path.parent / entry
+    if not files:
+        raise InputError("no file has a name like that", where=str(path))
+    return files
+
+
+def _sequence_stem(path: Path) -> str:
+    match = _NUMBER.search(path.name)
+    stem = path.name[: match.start()] if match else path.stem
+    return stem.rstrip("._- ") or path.parent.name or "frame"
+
+
+def _at(path: Path, read: Any, frame: Any) -> _Picture:
+    """Read a picture, naming the file in what it raises."""
+    try:
+        return cast(_Picture, read(frame))
+    except ItmoError as error:
+        raise type(error)(error.what, where=str(path), remedy=error.remedy) from error

@@ -1,0 +1,454 @@
+"""What a file says of itself before its frames are read: container, packets, tags, content.
+
+Nothing but local files in known containers is opened, and no picture larger than the limit.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import stat
+from bisect import bisect_right
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from fractions import Fraction
+from math import atan2, degrees
+from pathlib import Path
+from typing import Any, cast
+
+import av
+import numpy as np
+
+from itmo_video.errors import AlreadyHdrError, InputError
+from itmo_video.model import ChromaSiting, Encoding, Family, Matrix, Origin, Primaries, Range
+from itmo_video.model import Transfer as Transfer
+from itmo_video.tags import InputOptions as InputOptions
+
+# No playlists and no demuxer that opens a second file: those could read other local files.
+CONTAINERS = (
+    "mov,mp4,m4a,3gp,3g2,mj2,matroska,webm,avi,mpeg,mpegts,mpegvideo,mxf,ogg,flv,asf,gif,apng,"
+    "ivf,h264,hevc,av1,obu,m4v,mjpeg,yuv4mpegpipe,nut,wtv,dv,rm,mpjpeg,ingenient,vc1,swf,roq,smk,"
+    "bink,flic,nsv,gxf,h263,h261,mjpeg_2000,evc,vvc,amv,r3d,dirac,cavsvideo,pmp,film_cpk,mp3,aac,"
+    "wav,flac,w64,aiff,caf,ac3,eac3,dts,truehd,amr,au,voc,tta,ape,wv"
+)
+
+HD_LINES = 720  # untagged pictures from this height up are taken for BT.709
+
+# FFmpeg's numbers, which are those of ITU-T H.273.
+_MATRICES: dict[int, Matrix] = {
+    1: "bt709", 4: "bt601", 5: "bt601", 6: "bt601", 7: "bt709", 9: "bt2020", 10: "bt2020",
+}  # fmt: skip
+_NEAR_MATRICES = {4: "FCC", 7: "SMPTE 240M", 10: "BT.2020 constant luminance"}
+_OTHER_MATRICES = {8: "YCgCo", 11: "YDzDx", 12: "derived", 13: "derived", 14: "ICtCp", 15: "IPT"}
+_TRANSFERS: dict[int, Transfer] = {
+    1: "bt1886", 4: "gamma22", 5: "bt1886", 6: "bt1886", 7: "bt1886", 8: "linear", 11: "bt1886",
+    12: "bt1886", 13: "srgb", 14: "bt1886", 15: "bt1886", 16: "pq", 18: "hlg",
+}  # fmt: skip
+_HDR_TRANSFERS = {
+    8: "linear light", 9: "logarithmic", 10: "logarithmic", 16: "PQ (HDR10)", 17: "SMPTE 428",
+    18: "HLG",
+}  # fmt: skip
+_PRIMARIES: dict[int, Primaries] = {
+    1: "rec709", 5: "rec601_625", 6: "rec601_525", 7: "rec601_525", 9: "rec2020", 11: "p3d65",
+    12: "p3d65", 22: "rec601_625",
+}  # fmt: skip
+_RANGES: dict[int, Range] = {1: "limited", 2: "full"}
+
+_STILL_MAGIC = (
+    (b"\x89PNG\r\n\x1a\n", "png"), (b"\xff\xd8\xff", "mjpeg"), (b"II*\0", "tiff"),
+    (b"MM\0*", "tiff"), (b"\0\0\0\x0cjP  ", "jpeg2000"), (b"\xff\x4f\xff\x51", "jpeg2000"),
+    (b"SDPX", "dpx"), (b"XPDS", "dpx"), (b"qoif", "qoi"), (b"8BPS", "psd"),
+    (b"P4\n", "pbm"), (b"P5\n", "pgm"), (b"P6\n", "ppm"),
+)  # fmt: skip
+_FLOAT_MAGIC = (b"\x76\x2f\x31\x01", b"#?RADIANCE", b"#?RGBE", b"PF\n", b"Pf\n")
+
+_DIGEST_BLOCK, _DIGEST_WHOLE, _DIGEST_BLOCKS = 1 << 20, 64 << 20, 64
+
+
+@dataclass(frozen=True)
+class Packets:
+    """The frames of a stream by their packets, found without decoding.
+
+    `pts` are those of the frames, sorted, in ticks; `order` maps every packet's pts to its place
+    in the file and its size. `keys` are (place, pts, dts) of the packets at which decoding can
+    start. Not `is_exact`: stamps are missing, not unique or no times of presentation, so frames
+    must be counted by decoding. `declared` is how many frames the container speaks of, None where
+    it does not.
+    """
+
+    pts: tuple[int, ...]
+    order: Mapping[int, tuple[int, int]]
+    keys: tuple[tuple[int, int, int], ...]
+    is_exact: bool
+    declared: int | None = None
+
+    def index_of(self, pts: int | None) -> int | None:
+        """Give the frame's number by its pts, None for a stamp that no packet has."""
+        if pts is None:
+            return None
+        at = bisect_right(self.pts, pts) - 1
+        return at if at >= 0 and self.pts[at] == pts else None
+
+
+# ---- files ----
+
+
+def check_file(path: Path) -> None:
+    """Raise InputError unless there is a readable, regular file with something in it."""
+    try:
+        found = path.stat()
+        with path.open("rb"):
+            pass
+    except FileNotFoundError as error:
+        raise InputError("no such file", where=str(path)) from error
+    except IsADirectoryError as error:
+        raise InputError(
+            "is a folder, not a clip",
+            where=str(path),
+            remedy="For an image sequence give its pattern, such as folder/img.%04d.png.",
+        ) from error
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or str(error)
+        raise InputError(f"cannot be read: {reason}", where=str(path)) from error
+    if not stat.S_ISREG(found.st_mode):
+        raise InputError("is not a regular file", where=str(path))
+    if found.st_size == 0:
+        raise InputError("the file is empty", where=str(path))
+
+
+def still_codec(path: Path) -> str | None:
+    """Name FFmpeg's decoder for a still image by its first bytes, None for anything else.
+
+    Raises AlreadyHdrError for images that hold floats.
+    """
+    with path.open("rb") as file:
+        head = file.read(64)
+        more = head + file.read(4096) if head.startswith(b"\x89PNG") else b""
+    if head.startswith(_FLOAT_MAGIC):
+        raise AlreadyHdrError("it is a floating-point image, so it is HDR already", where=str(path))
+    if head[:4] == b"RIFF" and head[8:12] == b"WEBP":
+        return "webp"
+    if head[:2] == b"BM" and head[6:10] == b"\0\0\0\0":
+        return "bmp"
+    if b"acTL" in more or path.suffix.lower() in (".mjpeg", ".mjpg"):
+        return None
+    return next((codec for magic, codec in _STILL_MAGIC if head.startswith(magic)), None)
+
+
+def content_digest(paths: Sequence[Path]) -> str:
+    """Digest the files' content, not their names: 32 hex digits of BLAKE2b.
+
+    Everything up to 64 MiB in all; beyond that each file's size and 64 evenly spaced blocks of
+    1 MiB (at least two from each file).
+    """
+    digest = hashlib.blake2b(digest_size=16)
+    sizes = [path.stat().st_size for path in paths]
+    count = max(2, _DIGEST_BLOCKS // len(paths))
+    for path, size in zip(paths, sizes, strict=True):
+        digest.update(size.to_bytes(8, "little"))
+        with path.open("rb") as file:
+            if sum(sizes) <= _DIGEST_WHOLE or size <= count * _DIGEST_BLOCK:
+                digest.update(file.read())
+                continue
+            for i in range(count):
+                file.seek(i * (size - _DIGEST_BLOCK) // (count - 1))
+                digest.update(file.read(_DIGEST_BLOCK))
+    return digest.hexdigest()
+
+
+# ---- containers ----
+
+
+@contextmanager
+def open_video(path: Path, max_pixels: int) -> Iterator[tuple[Any, Any]]:
+    """Open a container and its first video stream, ready to decode: (container, stream).
+
+    Raises InputError when it cannot be opened, has no video, is encrypted, its codec is unknown
+    or its frames are larger than `max_pixels`.
+    """
+    where = str(path)
+    options = {
+        "protocol_whitelist": "file",
+        "format_whitelist": CONTAINERS,
+        "max_pixels": str(max_pixels),
+    }
+    try:
+        # An absolute path, so that a colon in the name is not taken for a protocol.
+        container = av.open(os.path.abspath(path), options=options, metadata_errors="replace")
+    except (av.FFmpegError, OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or str(error)
+        raise InputError(f"is not a video that can be read ({reason})", where=where) from error
+    try:
+        stream = _video_stream(container, where)
+        _prepare_decoder(stream, max_pixels, where)
+        yield container, stream
+    finally:
+        container.close()
+
+
+def check_pixels(width: int, height: int, max_pixels: int, where: str) -> None:
+    """Raise InputError for pictures that are larger than the limit."""
+    if width * height > max_pixels:
+        raise InputError(
+            f"{width}x{height} is more than {max_pixels} pixels a frame",
+            where=where,
+            remedy="Raise --max-pixels if that is meant.",
+        )
+
+
+def scan_packets(container: Any, stream: Any) -> Packets:
+    """Read all packets without decoding: which frames there are, and where decoding can start.
+
+    Damage ends the scan without an error: what was read until there is what there is.
+    """
+    stamps: list[int | None] = []
+    shown: list[int] = []
+    order: dict[int, tuple[int, int]] = {}
+    keys: list[tuple[int, int, int]] = []
+    is_unique, discarded = True, 0
+    codec = str(stream.codec_context.name)
+    try:
+        for packet in container.demux(stream):
+            if packet.size == 0:
+                continue
+            pts, place = packet.pts, len(stamps)
+            if _is_hidden(packet, codec):
+                continue
+            stamps.append(pts)
+            is_unique = is_unique and pts is not None and pts not in order
+            if pts is not None:
+                order[pts] = (place, packet.size)
+                if packet.is_keyframe:
+                    keys.append((place, pts, pts if packet.dts is None else packet.dts))
+                if not packet.is_discard:
+                    shown.append(pts)
+            discarded += packet.is_discard
+    except (av.FFmpegError, OSError):
+        pass
+    declared = _declared_frames(container, stream, len(stamps), shown)
+    if declared is not None:
+        declared -= discarded
+    return Packets(tuple(sorted(shown)), order, tuple(keys), is_unique, declared)
+
+
+def _video_stream(container: Any, where: str) -> Any:
+    videos = [s for s in container.streams if s.type == "video"]
+    videos = [s for s in videos if "attached_pic" not in str(s.disposition).lower()]
+    if not videos:
+        raise InputError("there is no video in it", where=where)
+    usable = [s for s in videos if s.codec_context is not None]
+    if not usable:
+        raise InputError("its video codec is unknown, nothing here decodes it", where=where)
+    return usable[0]
+
+
+def _prepare_decoder(stream: Any, max_pixels: int, where: str) -> None:
+    context = stream.codec_context
+    if str(context.codec_tag) in ("encv", "drmi"):
+        raise InputError("it is encrypted", where=where)
+    check_pixels(context.width, context.height, max_pixels, where)
+    context.thread_type = "AUTO"
+    options = {"max_pixels": str(max_pixels)}
+    if context.name == "h264":
+        # Else a stream that does not tell its delay has frames dropped near wherever one starts.
+        options["strict"] = "1"
+    context.options = options
+
+
+def _is_hidden(packet: Any, codec: str) -> bool:
+    """Whether a VP8 packet is a reference that is never shown (RFC 6386, 9.1)."""
+    return codec == "vp8" and not memoryview(packet)[0] & 0x10
+
+
+def _declared_frames(container: Any, stream: Any, count: int, pts: list[int]) -> int | None:
+    name = str(container.format.name)
+    if name.startswith("mov"):
+        return max(len(stream.index_entries), count)
+    if name == "avi" and stream.frames:
+        return max(int(stream.frames), count)
+    length = stream.metadata.get("DURATION", "")  # Matroska; written when the file was finished
+    rate = stream.average_rate
+    if not length or not rate or not pts:
+        return None
+    try:
+        hours, minutes, seconds = (Fraction(part) for part in length.split(":"))
+    except ValueError:
+        return None
+    until = (max(pts) + (packet_step(pts) or 0)) * Fraction(stream.time_base)
+    missing = (hours * 3600 + minutes * 60 + seconds - until) * rate
+    return count + (round(missing) if missing >= 1.5 else 0)
+
+
+def packet_step(pts: Sequence[int]) -> int | None:
+    """Give the middle distance of sorted or unsorted stamps in ticks, None for fewer than two."""
+    if len(pts) < 2:
+        return None
+    return int(np.median(np.diff(np.sort(np.asarray(pts, np.int64)))))
+
+
+# ---- tags ----
+
+
+@dataclass(frozen=True)
+class Tags:
+    """FFmpeg's numbers for colour; 2 or 0 where nothing is said."""
+
+    matrix: int = 2
+    range: int = 0
+    transfer: int = 2
+    primaries: int = 2
+
+
+def read_tags(frame: Any, context: Any = None) -> Tags:
+    """Take a decoded frame's tags; where it has none, its stream's."""
+
+    def first(name: str, unknown: tuple[int, ...]) -> int:
+        values = [int(getattr(owner, name)) for owner in (frame, context) if owner is not None]
+        return next((v for v in values if v not in unknown), unknown[0])
+
+    return Tags(
+        first("colorspace", (2,)),
+        first("color_range", (0,)),
+        first("color_trc", (2, 0)),
+        first("color_primaries", (2, 0)),
+    )
+
+
+def resolve_encoding(
+    tags: Tags,
+    options: InputOptions,
+    *,
+    family: Family,
+    bit_depth: int,
+    has_alpha: bool,
+    is_full_format: bool,
+    is_still: bool,
+    codec: str,
+    lines: int,
+    where: str,
+) -> tuple[Encoding, tuple[str, ...]]:
+    """Decide how codes are read, by the user's word, the tags or what is usual; and say so.
+
+    Raises AlreadyHdrError for PQ, HLG, linear and log tags that the user does not overrule, and
+    InputError for a matrix that is not Y'CbCr.
+    """
+    origins: dict[str, Origin] = {}
+    told: list[str] = []
+
+    def choose(name: str, chosen: str, tagged: str | None, usual: str) -> str:
+        origins[name] = "set" if chosen != "auto" else "tag" if tagged else "assumed"
+        result = chosen if chosen != "auto" else tagged or usual
+        if origins[name] == "assumed" and not (name in ("matrix", "range") and family != "ycbcr"):
+            told.append(f"{name} is not tagged: assumed {result}")
+        return result
+
+    set_transfer = options.transfer
+    if tags.transfer in _HDR_TRANSFERS and set_transfer == "auto":
+        if not options.force_sdr:
+            raise AlreadyHdrError(
+                f"it is tagged as {_HDR_TRANSFERS[tags.transfer]}, so it is HDR already",
+                where=where,
+                remedy="If the tag is wrong, say what it is: --transfer bt1886, or --force-sdr.",
+            )
+        set_transfer = "bt1886"
+    if family == "ycbcr" and options.matrix == "auto" and tags.matrix in _OTHER_MATRICES:
+        raise InputError(
+            f"its matrix {_OTHER_MATRICES[tags.matrix]} is not known here",
+            where=where,
+            remedy="If the tag is wrong, say what it is: --matrix bt709.",
+        )
+    if tags.matrix in _NEAR_MATRICES and family == "ycbcr" and options.matrix == "auto":
+        told.append(f"matrix {_NEAR_MATRICES[tags.matrix]} is read as {_MATRICES[tags.matrix]}")
+    usual_matrix = "bt709" if lines >= HD_LINES and codec not in ("mjpeg", "webp") else "bt601"
+    is_full = family != "ycbcr" or is_full_format
+    # A limited tag on RGB or on a grey image is nearly always a default that was never meant.
+    range_tag = None if family == "rgb" or (family == "grey" and is_still) else tags.range
+    encoding = Encoding(
+        family=family,
+        bit_depth=bit_depth,
+        matrix=cast(
+            Matrix, choose("matrix", options.matrix, _MATRICES.get(tags.matrix), usual_matrix)
+        ),
+        range=cast(
+            Range,
+            choose(
+                "range",
+                options.range,
+                _RANGES.get(range_tag or (2 if is_full_format else 0)),
+                "full" if is_full else "limited",
+            ),
+        ),
+        transfer=cast(
+            Transfer,
+            choose(
+                "transfer",
+                set_transfer,
+                _TRANSFERS.get(tags.transfer),
+                "srgb" if is_still or family == "rgb" else "bt1886",
+            ),
+        ),
+        primaries=cast(
+            Primaries, choose("primaries", "auto", _PRIMARIES.get(tags.primaries), "rec709")
+        ),
+        siting=_siting(codec),
+        has_alpha=has_alpha,
+        origins=origins,
+    )
+    return encoding, tuple(told)
+
+
+def _siting(codec: str) -> ChromaSiting:
+    # PyAV does not show the stream's chroma location, so it is the codec's convention.
+    return "center" if codec in ("mpeg1video", "mjpeg", "webp", "vp8", "theora") else "left"
+
+
+# ---- orientation ----
+
+_EXIF_TURNS = {
+    2: (0, True), 3: (180, False), 4: (180, True), 5: (270, True), 6: (90, False), 7: (90, True),
+    8: (270, False),
+}  # fmt: skip
+
+
+def matrix_turn(matrix: Sequence[int]) -> tuple[int, bool]:
+    """(degrees clockwise, mirrored left-right first) of a display matrix's nine integers.
+
+    Angles between right angles are rounded to the nearest (ISO/IEC 14496-12, 6.2.2).
+    """
+    a, b, _, c, d = (float(value) for value in matrix[:5])
+    flip = a * d - b * c < 0
+    angle = degrees(atan2(-b, -a) if flip else atan2(b, a))
+    return round(angle / 90) % 4 * 90, flip
+
+
+def frame_turn(frame: Any) -> tuple[int, bool]:
+    """(degrees clockwise, mirrored first) that turn a decoded frame upright."""
+    try:
+        for side in frame.side_data:
+            if side.type.name == "DISPLAYMATRIX":
+                return matrix_turn(np.frombuffer(bytes(side), np.int32).tolist())
+    except ValueError:  # PyAV 18 does not know every kind of side data
+        return round(-frame.rotation / 90) % 4 * 90, False
+    return 0, False
+
+
+def exif_turn(data: bytes) -> tuple[int, bool]:
+    """(degrees clockwise, mirrored first) of a JPEG, PNG, WebP or TIFF file's Exif orientation."""
+    start = 0 if data[:4] in (b"II*\0", b"MM\0*") else data.find(b"Exif\0\0") + 6
+    if start == 5:
+        marker = b"eXIf" if data.startswith(b"\x89PNG") else b"EXIF"
+        start = data.find(marker) + (4 if marker == b"eXIf" else 8)
+        if start in (3, 7):
+            return 0, False
+    block = data[start:]
+    if block[:4] not in (b"II*\0", b"MM\0*"):
+        return 0, False
+    end = cast("Any", "little" if block[:2] == b"II" else "big")
+    table = int.from_bytes(block[4:8], end)
+    count = int.from_bytes(block[table : table + 2], end)
+    for i in range(min(count, 200)):
+        entry = block[table + 2 + 12 * i : table + 14 + 12 * i]
+        if int.from_bytes(entry[:2], end) == 0x0112:
+            return _EXIF_TURNS.get(int.from_bytes(entry[8:10], end), (0, False))
+    return 0, False
