@@ -11,11 +11,14 @@ import sys
 import traceback
 from collections.abc import Sequence
 from types import FrameType
-from typing import Any, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn
 
 from itmo_video import settings as settings_module
 from itmo_video.errors import ItmoError, UsageError
 from itmo_video.settings import Settings, flag_name, spec_of
+
+if TYPE_CHECKING:
+    from itmo_video.conversion import RunOptions
 
 EXAMPLES = """\
 examples:
@@ -41,9 +44,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         args = _parser().parse_args(argv)
         return int(args.run(args) or 0)
     except ItmoError as error:
-        _debug()
-        print(f"itmo-video: {error}", file=sys.stderr)
-        return error.exit_code
+        return _told(error)
     except KeyboardInterrupt:
         return _interrupted(130)
     except _Terminated:
@@ -73,6 +74,12 @@ def _interrupted(code: int) -> int:
     return code
 
 
+def _told(error: ItmoError) -> int:
+    _debug()
+    print(f"itmo-video: {error}", file=sys.stderr)
+    return error.exit_code
+
+
 def _debug() -> None:
     if os.environ.get("ITMO_VIDEO_DEBUG") == "1":
         traceback.print_exc()
@@ -92,7 +99,13 @@ def _parser() -> argparse.ArgumentParser:
         epilog=EXAMPLES,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    convert.add_argument("input", metavar="INPUT", help="a clip")
+    convert.add_argument(
+        "inputs",
+        metavar="INPUT",
+        nargs="+",
+        help="a clip, a still, or an image sequence (img.%%04d.png); of several inputs, each "
+        "goes to its own folder OUTPUT_DIR/<stem>",
+    )
     convert.add_argument("output", metavar="OUTPUT_DIR", help="the folder that the frames go to")
     _add_settings(convert)
     _add_run_options(convert)
@@ -215,7 +228,6 @@ def _parameter(text: str) -> tuple[str, float]:
 
 def _convert(args: argparse.Namespace) -> int:
     from itmo_video import conversion as room
-    from itmo_video.progress import Progress
 
     settings = _settings(args)
     if args.start_number < 0:
@@ -224,16 +236,43 @@ def _convert(args: argparse.Namespace) -> int:
         args.frames, args.start_number, args.jobs, args.overwrite, args.update, args.durable,
         args.null, args.max_pixels,
     )  # fmt: skip
+    code = 0
+    for source, output in _outputs(args.inputs, args.output):
+        try:
+            _convert_one(args, source, output, settings, run)
+        except ItmoError as error:
+            if len(args.inputs) == 1:
+                raise
+            # One bad input of many must not keep the others from being made.
+            code = max(code, _told(error))
+    return code
+
+
+def _outputs(inputs: list[str], output: str) -> list[tuple[str, str]]:
+    if len(inputs) == 1:
+        return [(inputs[0], output)]
+    stems = [os.path.splitext(os.path.basename(source))[0] for source in inputs]
+    if twice := sorted({stem for stem in stems if stems.count(stem) > 1}):
+        raise UsageError(
+            f"several inputs are called {', '.join(twice)}", remedy="Convert them one by one."
+        )
+    return [(s, os.path.join(output, stem)) for s, stem in zip(inputs, stems, strict=True)]
+
+
+def _convert_one(
+    args: argparse.Namespace, source: str, output: str, settings: Settings, run: RunOptions
+) -> None:
+    from itmo_video import conversion as room
+    from itmo_video.progress import Progress
+
     if args.verify:
-        room.require_sound(room.verify(args.input, args.output, settings, run))
-        print(f"{args.output}: all frames are there and whole")
-        return 0
-    if args.dry_run:
-        print(room.describe_plan(args.input, args.output, settings, run))
-        return 0
-    progress = Progress(as_json=args.json, quiet=args.quiet)
-    room.convert(args.input, args.output, settings, run, progress.on_event)
-    return 0
+        room.require_sound(room.verify(source, output, settings, run))
+        print(f"{output}: all frames are there and whole")
+    elif args.dry_run:
+        print(room.describe_plan(source, output, settings, run))
+    else:
+        progress = Progress(as_json=args.json, quiet=args.quiet)
+        room.convert(source, output, settings, run, progress.on_event)
 
 
 def _info(args: argparse.Namespace) -> int:

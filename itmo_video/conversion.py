@@ -13,7 +13,7 @@ from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
-from itmo_video import colour, exr, pipeline
+from itmo_video import colour, exr, pipeline, timecode
 from itmo_video.errors import CheckFailedError, DamagedInputError, OutputError, UsageError
 from itmo_video.folder import Manifest, OutputFolder
 from itmo_video.frame_ranges import format_ranges, parse_ranges
@@ -210,6 +210,9 @@ def exr_header(plan: Plan, number: int, time_s: Fraction) -> exr.ExrHeader:
     """The header of one frame's file."""
     settings, info = plan.settings, plan.clip
     chromaticities = colour.CHROMATICITIES[settings.primaries]
+    code = None
+    if info.timecode is not None:
+        code = timecode.advance(info.timecode, plan.numbers[number], info.frame_rate)
     return exr.ExrHeader(
         compression=settings.compression,
         chromaticities=(
@@ -223,6 +226,11 @@ def exr_header(plan: Plan, number: int, time_s: Fraction) -> exr.ExrHeader:
         source_name=Path(info.path).name,
         fingerprint=plan.fingerprint(number),
         settings_text=json.dumps(settings.as_dict(), sort_keys=True),
+        timecode=code,
+        # SMPTE ST 2065-4 wants AP0, uncompressed half, and nothing but the picture.
+        is_aces_container=settings.primaries == "aces2065-1"
+        and settings.compression == "none"
+        and not settings.layers,
     )  # fmt: skip
 
 

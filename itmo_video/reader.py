@@ -144,11 +144,16 @@ class _VideoClip(Clip):
             is_halved = len(found) > 1 and all(index % 2 == 0 for index in found)
             if is_shuffled or is_halved:
                 self._packets = replace(self._packets, is_exact=False)
-        if not self._packets.is_exact:
-            count = sum(1 for _ in self._numbered(0))
-            self._packets = replace(self._packets, pts=tuple(range(count)), declared=None)
-        for _, frame, _ in self._numbered(0):
-            return frame
+        if self._packets.is_exact:
+            for _, frame, _ in self._numbered(0):
+                return frame
+        count, first = 0, None
+        for count, frame in enumerate(self._decoded(None), 1):  # noqa: B007 - the last count
+            first = first or frame
+        if first is not None:
+            stamps = tuple(range(count))
+            self._packets = replace(self._packets, pts=stamps, is_exact=False, declared=None)
+            return first
         raise InputError(
             "no frame of it can be decoded: it is damaged, encrypted or has none",
             where=str(self._path),

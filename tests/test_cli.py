@@ -158,3 +158,15 @@ def test_sample_clips_convert(tmp_path: Path, name: str) -> None:
     flags = ["--quiet", "--frames", "18-24"]
     assert main(["convert", str(SAMPLES / f"{name}.mp4"), str(tmp_path / "o"), *flags]) == 0
     assert len(list((tmp_path / "o").glob("*.exr"))) == 7
+
+
+def test_of_several_inputs_each_gets_its_own_folder(tmp_path: Path) -> None:
+    a = write_ffv1(tmp_path / "a.mkv", moving_scene(2))
+    b = write_ffv1(tmp_path / "b.mkv", moving_scene(3, seed=4))
+    bad = tmp_path / "bad.mkv"
+    bad.write_bytes(b"not a video")
+    out = tmp_path / "out"
+    assert main(["convert", str(a), str(bad), str(b), str(out), "--quiet"]) == 3
+    assert len(list((out / "a").glob("a.*.exr"))) == 2
+    assert len(list((out / "b").glob("b.*.exr"))) == 3, "a bad input kept the next from being made"
+    assert main(["convert", str(a), str(a), str(out), "--quiet"]) == 2
