@@ -160,10 +160,13 @@ def upsample_bilinear(map_small: Float32, shape_hw: tuple[int, int]) -> Float32:
     )
 
 
-def upsample_rows(map_small: Float32, rows: slice, shape_hw: tuple[int, int]) -> Float32:
+def upsample_rows(
+    map_small: Float32, rows: slice, shape_hw: tuple[int, int], wrap_x: bool = False
+) -> Float32:
     """Some rows of `upsample_bilinear`, (rows, W) float32, a new array; equal within 1e-6.
 
-    Any strip gives bit for bit the same rows, which cv2.resize of parts would not.
+    Any strip gives bit for bit the same rows, which cv2.resize of parts would not. `wrap_x` for
+    panorama, whose last column lies beside its first.
     """
     height, width = shape_hw
     small_h = map_small.shape[0]
@@ -176,6 +179,13 @@ def upsample_rows(map_small: Float32, rows: slice, shape_hw: tuple[int, int]) ->
     strip += map_small[below] * part
     if strip.shape[1] == width:
         return np.asarray(strip, np.float32)
+    if wrap_x:
+        small_w = strip.shape[1]
+        x = (np.arange(width) + 0.5) * (small_w / width) - 0.5
+        left = np.floor(x).astype(np.intp)
+        share = (x - left).astype(np.float32)
+        here, right = strip[:, left % small_w], strip[:, (left + 1) % small_w]
+        return np.asarray(here * (1 - share) + right * share, np.float32)
     wide = cv2.resize(strip, (width, strip.shape[0]), interpolation=cv2.INTER_LINEAR)
     return np.asarray(wide, np.float32).reshape(strip.shape[0], width)
 

@@ -143,18 +143,27 @@ class FullMap:
     def __init__(self, map_small: Float32, frame: Frame, look: Look) -> None:
         self._frame = frame
         self._small: tuple[Float32, ...] = (map_small,)
+        self._wraps = look.settings.projection == "latlong"
         if look.settings.edge_aware:
             height, width = map_small.shape
             guide = guide_codes(frame, (width, height))
             radius = expand_map.scaled_radius_px(look.settings.radius, width, height)
-            self._small = expand_map.edge_aware_coefficients(
-                map_small, guide, max(1, round(radius)), EDGE_EPSILON
+            radius_px = max(1, round(radius))
+            pad = min(2 * radius_px, width) if self._wraps else 0
+            map_around = np.pad(map_small, ((0, 0), (pad, pad)), "wrap")
+            guide_around = np.pad(guide, ((0, 0), (pad, pad)), "wrap")
+            a, b = expand_map.edge_aware_coefficients(
+                map_around, guide_around, radius_px, EDGE_EPSILON
             )
+            self._small = (a[:, pad : pad + width], b[:, pad : pad + width])
 
     def rows(self, rows: slice) -> Float32:
         """Rows of the map at full size, float32 in [0, 1]."""
         width, height = self._frame.size
-        full = [expand_map.upsample_rows(small, rows, (height, width)) for small in self._small]
+        full = [
+            expand_map.upsample_rows(small, rows, (height, width), self._wraps)
+            for small in self._small
+        ]
         if len(full) == 1:
             return full[0]
         a, b = full

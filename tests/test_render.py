@@ -135,3 +135,18 @@ def test_the_layer_is_the_definition_of_the_map(tmp_path: Path) -> None:
     expected = np.minimum(expected[::4], 1)
     np.testing.assert_allclose(got[::4], expected, atol=2e-3)
     assert expected.max() > 0.5, "the scene must have something to expand"
+
+
+@pytest.mark.parametrize("preset", ["paper", "default"])
+def test_a_panorama_has_no_seam(tmp_path: Path, preset: str) -> None:
+    y, x = np.mgrid[0:256, 0:1024].astype(np.float64)
+    frame = 40 + 20 * np.cos(x / 1024 * 2 * np.pi) + 10 * np.sin(y / 20)
+    for cx in (0, 1024, 500):
+        frame[np.hypot(x - cx, y - 128) < 40] = 255
+    clip = write_ffv1(tmp_path / "c.mkv", [np.dstack([frame.astype(np.uint8)] * 3)])
+    flags = {"projection": "latlong", "layers": ("expand_map",)}
+    convert(clip, tmp_path / "out", make_settings(preset, **flags))
+    weight = first_exr(tmp_path / "out")["expand_map.Y"]
+    assert weight.max() > 0.5
+    seam = np.abs(weight[:, 0] - weight[:, -1]).mean()
+    assert seam < 0.02, f"the map's first and last columns differ by {seam:.3f}"
