@@ -171,7 +171,7 @@ def open_video(path: Path, max_pixels: int) -> Iterator[tuple[Any, Any]]:
     options = {
         "protocol_whitelist": "file",
         "format_whitelist": CONTAINERS,
-        "max_pixels": str(max_pixels),
+        "max_pixels": decoder_limit(max_pixels),
     }
     try:
         # An absolute path, so that a colon in the name is not taken for a protocol.
@@ -197,6 +197,23 @@ def check_pixels(width: int, height: int, max_pixels: int, where: str) -> None:
         )
 
 
+def decoder_limit(max_pixels: int) -> str:
+    """FFmpeg's own limit: with room for the padding that it counts in, as ours is exact."""
+    return str(min(2 * max_pixels + (1 << 20), 2**31 - 1))
+
+
+def read_packets(container: Any, stream: Any) -> Iterator[Any]:
+    """Yield a stream's packets up to the end or to where reading fails."""
+    while True:
+        try:
+            yield from container.demux(stream)
+        except IndexError:  # PyAV 18 at a stream that begins later on; reading can go on behind it
+            continue
+        except (av.FFmpegError, OSError):
+            pass
+        return
+
+
 def scan_packets(container: Any, stream: Any) -> Packets:
     """Read all packets without decoding: which frames there are, and where decoding can start.
 
@@ -208,24 +225,21 @@ def scan_packets(container: Any, stream: Any) -> Packets:
     keys: list[tuple[int, int, int]] = []
     is_unique, discarded = True, 0
     codec = str(stream.codec_context.name)
-    try:
-        for packet in container.demux(stream):
-            if packet.size == 0:
-                continue
-            pts, place = packet.pts, len(stamps)
-            if _is_hidden(packet, codec):
-                continue
-            stamps.append(pts)
-            is_unique = is_unique and pts is not None and pts not in order
-            if pts is not None:
-                order[pts] = (place, packet.size)
-                if packet.is_keyframe:
-                    keys.append((place, pts, pts if packet.dts is None else packet.dts))
-                if not packet.is_discard:
-                    shown.append(pts)
-            discarded += packet.is_discard
-    except (av.FFmpegError, OSError):
-        pass
+    for packet in read_packets(container, stream):
+        if packet.size == 0:
+            continue
+        pts, place = packet.pts, len(stamps)
+        if _is_hidden(packet, codec):
+            continue
+        stamps.append(pts)
+        is_unique = is_unique and pts is not None and pts not in order
+        if pts is not None:
+            order[pts] = (place, packet.size)
+            if packet.is_keyframe:
+                keys.append((place, pts, pts if packet.dts is None else packet.dts))
+            if not packet.is_discard:
+                shown.append(pts)
+        discarded += packet.is_discard
     declared = _declared_frames(container, stream, len(stamps), shown)
     if declared is not None:
         declared -= discarded
@@ -249,7 +263,7 @@ def _prepare_decoder(stream: Any, max_pixels: int, where: str) -> None:
         raise InputError("it is encrypted", where=where)
     check_pixels(context.width, context.height, max_pixels, where)
     context.thread_type = "AUTO"
-    options = {"max_pixels": str(max_pixels)}
+    options = {"max_pixels": decoder_limit(max_pixels)}
     if context.name == "h264":
         # Else a stream that does not tell its delay has frames dropped near wherever one starts.
         options["strict"] = "1"

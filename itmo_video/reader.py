@@ -104,6 +104,7 @@ class _VideoClip(Clip):
             order = _INTERLACED.get(int(stream.codec_context.field_order), "progressive")
             is_doubtful = order != "progressive" or str(container.format.name) == "avi"
             first = self._first_frame(is_doubtful)
+            probe.check_pixels(first.width, first.height, options.max_pixels, str(path))
             self._size = (first.width, first.height)
             self._form = _same_form(first)
             picture = _picture_of(path, first)
@@ -198,7 +199,7 @@ class _VideoClip(Clip):
             stamps = [*entry[1:], *reversed(before), None]
         for stamp in stamps:
             with probe.open_video(self._path, self._options.max_pixels) as (container, stream):
-                packets = container.demux(stream)
+                packets = probe.read_packets(container, stream)
                 if entry is not None and stamp is not None:
                     packets = self._after_seek(container, stream, entry[0], stamp)
                 if packets is not None:
@@ -213,7 +214,7 @@ class _VideoClip(Clip):
         is_whole = str(container.format.name).startswith(_INDEXED)
         try:
             container.seek(stamp, stream=stream, backward=True)
-            packets = container.demux(stream)
+            packets = probe.read_packets(container, stream)
             for packet in packets:
                 at, size = self._packets.order.get(packet.pts, (-1, 0))
                 if at == place and is_whole and packet.size == size:
@@ -356,16 +357,13 @@ def _decoder(stream: Any, max_pixels: int) -> Any:
     if name is None or stream.metadata.get("alpha_mode") != "1" or name not in av.codecs_available:
         return context
     alone = av.CodecContext.create(name, "r")
-    alone.options = {"max_pixels": str(max_pixels)}
+    alone.options = {"max_pixels": probe.decoder_limit(max_pixels)}
     return alone
 
 
 def _decode_all(context: Any, packets: Iterator[Any]) -> Iterator[Any]:
     while True:
-        try:
-            packet = next(packets, None)
-        except (av.FFmpegError, OSError):
-            packet = None
+        packet = next(packets, None)
         try:
             frames = context.decode(packet)
         except (av.FFmpegError, EOFError):
@@ -481,6 +479,7 @@ class _StillClip(Clip):
         decoded = _decode_still(data, codec, self._options.max_pixels, str(file))
         if decoded is None:
             return None
+        probe.check_pixels(decoded.width, decoded.height, self._options.max_pixels, str(file))
         picture = _picture_of(file, decoded)
         encoding, told = probe.resolve_encoding(
             probe.read_tags(decoded),
@@ -502,12 +501,12 @@ class _StillClip(Clip):
 
 
 def _decode_still(data: bytes, codec: str, max_pixels: int, where: str) -> Any:
-    if codec == "png":
+    if codec == "png" and data[12:16] == b"IHDR":
         width, height = (int.from_bytes(data[at : at + 4], "big") for at in (16, 20))
         probe.check_pixels(width, height, max_pixels, where)
     try:
         context = cast(Any, av.CodecContext.create(codec, "r"))
-        context.options = {"max_pixels": str(max_pixels)}
+        context.options = {"max_pixels": probe.decoder_limit(max_pixels)}
         frames = context.decode(av.Packet(data)) or context.decode(None)
     except (av.FFmpegError, EOFError, ValueError):
         return None

@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 
 from itmo_video import colour, expand_map
+from itmo_video.bars import find_bars
 from itmo_video.median_cut import median_cut
 from itmo_video.model import Code, Float32, Float64, Frame, Half
 from itmo_video.operators import (
@@ -127,14 +128,23 @@ def make_key_map(frame: Frame, look: Look) -> Float32:
     if luminance.shape != (height, width):
         luminance = cv2.resize(luminance, (width, height), interpolation=cv2.INTER_AREA)
         luminance = np.clip(luminance, 0, 1).reshape(height, width)
-    latlong = settings.projection == "latlong"
-    row_weight = None
-    if latlong:
+    if settings.projection == "latlong":
         row_weight = np.cos(((np.arange(height) + 0.5) / height - 0.5) * np.pi)
+        return _density(luminance, row_weight, settings)
+    edge = find_bars(luminance)
+    inner = (slice(edge.top, height - edge.bottom), slice(edge.left, width - edge.right))
+    key_map = np.zeros((height, width), np.float32)
+    key_map[inner] = _density(luminance[inner], None, settings)
+    return key_map
+
+
+def _density(luminance: Float32, row_weight: Float64 | None, settings: Settings) -> Float32:
+    height, width = luminance.shape
     lights = median_cut(luminance, settings.lights, row_weight)
     radius_px = expand_map.scaled_radius_px(settings.radius, width, height)
     density = expand_map.density_map_soft if settings.soft_lights else expand_map.density_map
-    return density(lights, (height, width), radius_px, settings.min_lights, wrap_x=latlong)
+    wrap_x = row_weight is not None
+    return density(lights, (height, width), radius_px, settings.min_lights, wrap_x=wrap_x)
 
 
 class FullMap:
