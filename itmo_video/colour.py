@@ -39,6 +39,8 @@ LUMINANCE_KR_KB: dict[Matrix, tuple[float, float]] = {
     "bt2020": (0.2627, 0.0593),  # ITU-R BT.2020-2, table 4, non-constant luminance
 }
 
+LUMINANCE_WEIGHTS = (0.2126, 0.7152, 0.0722)  # BT.709-6, for measurements; the paper's differ
+
 _D65 = (0.3127, 0.3290)
 _ACES_WHITE = (0.32168, 0.33767)
 CHROMATICITIES: dict[str, tuple[float, ...]] = {

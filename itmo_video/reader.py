@@ -199,7 +199,7 @@ class _VideoClip(Clip):
             stamps = [*entry[1:], *reversed(before), None]
         for stamp in stamps:
             with probe.open_video(self._path, self._options.max_pixels) as (container, stream):
-                packets = probe.read_packets(container, stream)
+                packets: Iterator[Any] | None = probe.read_packets(container, stream)
                 if entry is not None and stamp is not None:
                     packets = self._after_seek(container, stream, entry[0], stamp)
                 if packets is not None:
