@@ -13,17 +13,14 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from fractions import Fraction
-from math import atan2, degrees
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 import av
 import numpy as np
 
 from itmo_video.errors import AlreadyHdrError, InputError
-from itmo_video.model import ChromaSiting, Encoding, Family, Matrix, Origin, Primaries, Range
 from itmo_video.model import Transfer as Transfer
-from itmo_video.tags import InputOptions as InputOptions
 
 # No playlists and no demuxer that opens a second file: those could read other local files.
 CONTAINERS = (
@@ -32,28 +29,6 @@ CONTAINERS = (
     "bink,flic,nsv,gxf,h263,h261,mjpeg_2000,evc,vvc,amv,r3d,dirac,cavsvideo,pmp,film_cpk,mp3,aac,"
     "wav,flac,w64,aiff,caf,ac3,eac3,dts,truehd,amr,au,voc,tta,ape,wv"
 )
-
-HD_LINES = 720  # untagged pictures from this height up are taken for BT.709
-
-# FFmpeg's numbers, which are those of ITU-T H.273.
-_MATRICES: dict[int, Matrix] = {
-    1: "bt709", 4: "bt601", 5: "bt601", 6: "bt601", 7: "bt709", 9: "bt2020", 10: "bt2020",
-}  # fmt: skip
-_NEAR_MATRICES = {4: "FCC", 7: "SMPTE 240M", 10: "BT.2020 constant luminance"}
-_OTHER_MATRICES = {8: "YCgCo", 11: "YDzDx", 12: "derived", 13: "derived", 14: "ICtCp", 15: "IPT"}
-_TRANSFERS: dict[int, Transfer] = {
-    1: "bt1886", 4: "gamma22", 5: "bt1886", 6: "bt1886", 7: "bt1886", 8: "linear", 11: "bt1886",
-    12: "bt1886", 13: "srgb", 14: "bt1886", 15: "bt1886", 16: "pq", 18: "hlg",
-}  # fmt: skip
-_HDR_TRANSFERS = {
-    8: "linear light", 9: "logarithmic", 10: "logarithmic", 16: "PQ (HDR10)", 17: "SMPTE 428",
-    18: "HLG",
-}  # fmt: skip
-_PRIMARIES: dict[int, Primaries] = {
-    1: "rec709", 5: "rec601_625", 6: "rec601_525", 7: "rec601_525", 9: "rec2020", 11: "p3d65",
-    12: "p3d65", 22: "rec601_625",
-}  # fmt: skip
-_RANGES: dict[int, Range] = {1: "limited", 2: "full"}
 
 _STILL_MAGIC = (
     (b"\x89PNG\r\n\x1a\n", "png"), (b"\xff\xd8\xff", "mjpeg"), (b"II*\0", "tiff"),
@@ -299,170 +274,3 @@ def packet_step(pts: Sequence[int]) -> int | None:
     if len(pts) < 2:
         return None
     return int(np.median(np.diff(np.sort(np.asarray(pts, np.int64)))))
-
-
-# ---- tags ----
-
-
-@dataclass(frozen=True)
-class Tags:
-    """FFmpeg's numbers for colour; 2 or 0 where nothing is said."""
-
-    matrix: int = 2
-    range: int = 0
-    transfer: int = 2
-    primaries: int = 2
-
-
-def read_tags(frame: Any, context: Any = None) -> Tags:
-    """Take a decoded frame's tags; where it has none, its stream's."""
-
-    def first(name: str, unknown: tuple[int, ...]) -> int:
-        values = [int(getattr(owner, name)) for owner in (frame, context) if owner is not None]
-        return next((v for v in values if v not in unknown), unknown[0])
-
-    return Tags(
-        first("colorspace", (2,)),
-        first("color_range", (0,)),
-        first("color_trc", (2, 0)),
-        first("color_primaries", (2, 0)),
-    )
-
-
-def resolve_encoding(
-    tags: Tags,
-    options: InputOptions,
-    *,
-    family: Family,
-    bit_depth: int,
-    has_alpha: bool,
-    is_full_format: bool,
-    is_still: bool,
-    codec: str,
-    lines: int,
-    where: str,
-) -> tuple[Encoding, tuple[str, ...]]:
-    """Decide how codes are read, by the user's word, the tags or what is usual; and say so.
-
-    Raises AlreadyHdrError for PQ, HLG, linear and log tags that the user does not overrule, and
-    InputError for a matrix that is not Y'CbCr.
-    """
-    origins: dict[str, Origin] = {}
-    told: list[str] = []
-
-    def choose(name: str, chosen: str, tagged: str | None, usual: str) -> str:
-        origins[name] = "set" if chosen != "auto" else "tag" if tagged else "assumed"
-        result = chosen if chosen != "auto" else tagged or usual
-        if origins[name] == "assumed" and not (name in ("matrix", "range") and family != "ycbcr"):
-            told.append(f"{name} is not tagged: assumed {result}")
-        return result
-
-    set_transfer = options.transfer
-    if tags.transfer in _HDR_TRANSFERS and set_transfer == "auto":
-        if not options.force_sdr:
-            raise AlreadyHdrError(
-                f"it is tagged as {_HDR_TRANSFERS[tags.transfer]}, so it is HDR already",
-                where=where,
-                remedy="If the tag is wrong, say what it is: --transfer bt1886, or --force-sdr.",
-            )
-        set_transfer = "bt1886"
-    if family == "ycbcr" and options.matrix == "auto" and tags.matrix in _OTHER_MATRICES:
-        raise InputError(
-            f"its matrix {_OTHER_MATRICES[tags.matrix]} is not known here",
-            where=where,
-            remedy="If the tag is wrong, say what it is: --matrix bt709.",
-        )
-    if tags.matrix in _NEAR_MATRICES and family == "ycbcr" and options.matrix == "auto":
-        told.append(f"matrix {_NEAR_MATRICES[tags.matrix]} is read as {_MATRICES[tags.matrix]}")
-    usual_matrix = "bt709" if lines >= HD_LINES and codec not in ("mjpeg", "webp") else "bt601"
-    is_full = family != "ycbcr" or is_full_format
-    # A limited tag on RGB or on a grey image is nearly always a default that was never meant.
-    range_tag = None if family == "rgb" or (family == "grey" and is_still) else tags.range
-    encoding = Encoding(
-        family=family,
-        bit_depth=bit_depth,
-        matrix=cast(
-            Matrix, choose("matrix", options.matrix, _MATRICES.get(tags.matrix), usual_matrix)
-        ),
-        range=cast(
-            Range,
-            choose(
-                "range",
-                options.range,
-                _RANGES.get(range_tag or (2 if is_full_format else 0)),
-                "full" if is_full else "limited",
-            ),
-        ),
-        transfer=cast(
-            Transfer,
-            choose(
-                "transfer",
-                set_transfer,
-                _TRANSFERS.get(tags.transfer),
-                "srgb" if is_still or family == "rgb" else "bt1886",
-            ),
-        ),
-        primaries=cast(
-            Primaries, choose("primaries", "auto", _PRIMARIES.get(tags.primaries), "rec709")
-        ),
-        siting=_siting(codec),
-        has_alpha=has_alpha,
-        origins=origins,
-    )
-    return encoding, tuple(told)
-
-
-def _siting(codec: str) -> ChromaSiting:
-    # PyAV does not show the stream's chroma location, so it is the codec's convention.
-    return "center" if codec in ("mpeg1video", "mjpeg", "webp", "vp8", "theora") else "left"
-
-
-# ---- orientation ----
-
-_EXIF_TURNS = {
-    2: (0, True), 3: (180, False), 4: (180, True), 5: (270, True), 6: (90, False), 7: (90, True),
-    8: (270, False),
-}  # fmt: skip
-
-
-def matrix_turn(matrix: Sequence[int]) -> tuple[int, bool]:
-    """(degrees clockwise, mirrored left-right first) of a display matrix's nine integers.
-
-    Angles between right angles are rounded to the nearest (ISO/IEC 14496-12, 6.2.2).
-    """
-    a, b, _, c, d = (float(value) for value in matrix[:5])
-    flip = a * d - b * c < 0
-    angle = degrees(atan2(-b, -a) if flip else atan2(b, a))
-    return round(angle / 90) % 4 * 90, flip
-
-
-def frame_turn(frame: Any) -> tuple[int, bool]:
-    """(degrees clockwise, mirrored first) that turn a decoded frame upright."""
-    try:
-        for side in frame.side_data:
-            if side.type.name == "DISPLAYMATRIX":
-                return matrix_turn(np.frombuffer(bytes(side), np.int32).tolist())
-    except ValueError:  # PyAV 18 does not know every kind of side data
-        return round(-frame.rotation / 90) % 4 * 90, False
-    return 0, False
-
-
-def exif_turn(data: bytes) -> tuple[int, bool]:
-    """(degrees clockwise, mirrored first) of a JPEG, PNG, WebP or TIFF file's Exif orientation."""
-    start = 0 if data[:4] in (b"II*\0", b"MM\0*") else data.find(b"Exif\0\0") + 6
-    if start == 5:
-        marker = b"eXIf" if data.startswith(b"\x89PNG") else b"EXIF"
-        start = data.find(marker) + (4 if marker == b"eXIf" else 8)
-        if start in (3, 7):
-            return 0, False
-    block = data[start:]
-    if block[:4] not in (b"II*\0", b"MM\0*"):
-        return 0, False
-    end = cast("Any", "little" if block[:2] == b"II" else "big")
-    table = int.from_bytes(block[4:8], end)
-    count = int.from_bytes(block[table : table + 2], end)
-    for i in range(min(count, 200)):
-        entry = block[table + 2 + 12 * i : table + 14 + 12 * i]
-        if int.from_bytes(entry[:2], end) == 0x0112:
-            return _EXIF_TURNS.get(int.from_bytes(entry[8:10], end), (0, False))
-    return 0, False

@@ -15,12 +15,12 @@ from typing import Any, cast
 import av
 import numpy as np
 
-from itmo_video import probe
+from itmo_video import probe, tags
 from itmo_video.errors import DamagedInputError, InputError, ItmoError
 from itmo_video.model import ClipInfo, Encoding, Frame
 from itmo_video.planes import Picture, Turn, read_picture, upright
-from itmo_video.probe import InputOptions as InputOptions
 from itmo_video.probe import content_digest
+from itmo_video.tags import InputOptions
 
 STILL_RATE = Fraction(24)  # images have no rate of their own
 _LEAD_IN = 4  # frames decoded ahead, so that the deinterlacer has its neighbours
@@ -108,8 +108,8 @@ class _VideoClip(Clip):
             self._size = (first.width, first.height)
             self._form = _same_form(first)
             picture = _picture_of(path, first)
-            self._stored, told = probe.resolve_encoding(
-                probe.read_tags(first, stream.codec_context),
+            self._stored, told = tags.resolve_encoding(
+                tags.read_tags(first, stream.codec_context),
                 options,
                 family=picture.family,
                 bit_depth=picture.bit_depth,
@@ -121,7 +121,7 @@ class _VideoClip(Clip):
                 lines=first.height,
                 where=str(path),
             )
-            self._turn = probe.frame_turn(first)
+            self._turn = tags.frame_turn(first)
             _, shown = upright(picture.planes, self._turn, self._stored)
             is_interlaced = order != "progressive" or bool(first.interlaced_frame)
             if is_interlaced and order == "progressive":
@@ -481,8 +481,8 @@ class _StillClip(Clip):
             return None
         probe.check_pixels(decoded.width, decoded.height, self._options.max_pixels, str(file))
         picture = _picture_of(file, decoded)
-        encoding, told = probe.resolve_encoding(
-            probe.read_tags(decoded),
+        encoding, told = tags.resolve_encoding(
+            tags.read_tags(decoded),
             self._options,
             family=picture.family,
             bit_depth=picture.bit_depth,
@@ -493,7 +493,7 @@ class _StillClip(Clip):
             lines=decoded.height,
             where=str(file),
         )
-        turn = probe.exif_turn(data)
+        turn = tags.exif_turn(data)
         planes, encoding = upright(picture.planes, turn, encoding)
         index = number - self._first
         is_damaged = bool(decoded.is_corrupt)

@@ -1,11 +1,10 @@
-"""What a stream's tags mean: matrix, range, transfer, primaries, siting, orientation, formats.
-
-The enumerations are FFmpeg's, which follow ITU-T H.273.
-"""
+"""What a file's tags mean: matrix, range, transfer, primaries, siting and orientation."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from math import atan2, degrees
 from typing import Any, cast
 
 import numpy as np
@@ -13,7 +12,6 @@ import numpy as np
 from itmo_video.errors import AlreadyHdrError, InputError
 from itmo_video.model import (
     ChromaSiting,
-    Code,
     Encoding,
     Family,
     Matrix,
@@ -23,15 +21,27 @@ from itmo_video.model import (
     Transfer,
 )
 
-MATRICES: dict[int, Matrix] = {1: "bt709", 5: "bt601", 6: "bt601", 4: "bt601", 9: "bt2020"}
-TRANSFERS: dict[int, Transfer] = {
-    1: "bt1886", 6: "bt1886", 7: "bt1886", 14: "bt1886", 15: "bt1886",
-    13: "srgb", 4: "gamma22", 8: "linear", 16: "pq", 18: "hlg",
-}  # fmt: skip
-PRIMARIES: dict[int, Primaries] = {
-    1: "rec709", 5: "rec601_625", 6: "rec601_525", 7: "rec601_525", 9: "rec2020", 12: "p3d65",
-}  # fmt: skip
 HD_LINES = 720  # untagged pictures from this height up are taken for BT.709
+
+# FFmpeg's numbers, which are those of ITU-T H.273.
+_MATRICES: dict[int, Matrix] = {
+    1: "bt709", 4: "bt601", 5: "bt601", 6: "bt601", 7: "bt709", 9: "bt2020", 10: "bt2020",
+}  # fmt: skip
+_NEAR_MATRICES = {4: "FCC", 7: "SMPTE 240M", 10: "BT.2020 constant luminance"}
+_OTHER_MATRICES = {8: "YCgCo", 11: "YDzDx", 12: "derived", 13: "derived", 14: "ICtCp", 15: "IPT"}
+_TRANSFERS: dict[int, Transfer] = {
+    1: "bt1886", 4: "gamma22", 5: "bt1886", 6: "bt1886", 7: "bt1886", 8: "linear", 11: "bt1886",
+    12: "bt1886", 13: "srgb", 14: "bt1886", 15: "bt1886", 16: "pq", 18: "hlg",
+}  # fmt: skip
+_HDR_TRANSFERS = {
+    8: "linear light", 9: "logarithmic", 10: "logarithmic", 16: "PQ (HDR10)", 17: "SMPTE 428",
+    18: "HLG",
+}  # fmt: skip
+_PRIMARIES: dict[int, Primaries] = {
+    1: "rec709", 5: "rec601_625", 6: "rec601_525", 7: "rec601_525", 9: "rec2020", 11: "p3d65",
+    12: "p3d65", 22: "rec601_625",
+}  # fmt: skip
+_RANGES: dict[int, Range] = {1: "limited", 2: "full"}
 
 
 @dataclass(frozen=True)
@@ -47,162 +57,164 @@ class InputOptions:
 
 
 @dataclass(frozen=True)
-class Native:
-    """A planar pixel format that is read without swscale's colour conversion.
+class Tags:
+    """FFmpeg's numbers for colour; 2 or 0 where nothing is said."""
 
-    `order` lists the decoder's planes as (Y, Cb, Cr), (R, G, B) or (Y,), then A.
-    """
-
-    name: str
-    family: Family
-    bit_depth: int
-    order: tuple[int, ...]
-    has_alpha: bool = False
+    matrix: int = 2
+    range: int = 0
+    transfer: int = 2
+    primaries: int = 2
 
 
-def native_format(name: str) -> Native:
-    """The planar format to read `name` as; InputError for formats that are not understood."""
-    suffix = next((s for s in ("9le", "10le", "12le", "14le", "16le") if name.endswith(s)), "")
-    base, depth = name.removesuffix(suffix), int(suffix.removesuffix("le") or 8)
-    for prefix, family, order in (
-        ("yuva4", "ycbcr", (0, 1, 2, 3)),
-        ("yuvj4", "ycbcr", (0, 1, 2)),
-        ("yuv4", "ycbcr", (0, 1, 2)),
-        ("gbrap", "rgb", (2, 0, 1, 3)),
-        ("gbrp", "rgb", (2, 0, 1)),
-        ("gray", "grey", (0,)),
-    ):
-        if base.startswith(prefix) and "f32" not in name and "f16" not in name and "be" not in name:
-            alpha = prefix in ("yuva4", "gbrap")
-            return Native(name, cast(Family, family), depth, order, alpha)
-    lossless = {
-        "nv12": "yuv420p", "nv21": "yuv420p", "uyvy422": "yuv422p", "yuyv422": "yuv422p",
-        "p010le": "yuv420p10le", "p016le": "yuv420p16le", "y210le": "yuv422p10le",
-        "nv16": "yuv422p", "uyyvyy411": "yuv411p", "ya8": "gbrap", "ya16le": "gbrap16le",
-        "ya16be": "gbrap16le", "gray16be": "gray16le", "monob": "gray", "monow": "gray",
-        "vuya": "yuva444p", "ayuv64le": "yuva444p16le", "vuyx": "yuv444p",
-    }  # fmt: skip
-    if name in lossless:
-        return native_format(lossless[name])
-    if "f32" in name or "f16" in name:
-        raise AlreadyHdrError(f"its pixels are floating-point ({name})")
-    if any(part in name for part in ("rgb", "bgr", "gbr", "pal8")):
-        wide = any(part in name for part in ("48", "64", "16be", "x2", "10be", "12be", "14be"))
-        alpha = any(
-            part in name for part in ("rgba", "bgra", "argb", "abgr", "64", "pal8", "gbrap")
-        )
-        return native_format(("gbrap" if alpha else "gbrp") + ("16le" if wide else ""))
-    if name.startswith("yuv") and name.endswith("be"):
-        return native_format(name.removesuffix("be") + "le")
-    raise InputError(f"its pixel format {name} is not understood")
+def read_tags(frame: Any, context: Any = None) -> Tags:
+    """Take a decoded frame's tags; where it has none, its stream's."""
 
+    def first(name: str, unknown: tuple[int, ...]) -> int:
+        values = [int(getattr(owner, name)) for owner in (frame, context) if owner is not None]
+        return next((v for v in values if v not in unknown), unknown[0])
 
-def resolve_encoding(context: Any, frame: Any, options: InputOptions, where: str) -> Encoding:
-    """How the codes are to be read: by the user's word, the tags, or what is usual.
-
-    Raises AlreadyHdrError for PQ, HLG, linear and floating-point sources.
-    """
-    try:
-        native = native_format(frame.format.name)
-    except (AlreadyHdrError, InputError) as error:
-        raise type(error)(error.what, where=where) from error
-    origins: dict[str, Origin] = {}
-
-    def choose(name: str, chosen: str, tagged: str | None, usual: str) -> str:
-        if chosen != "auto":
-            origins[name] = "set"
-            return chosen
-        origins[name] = "tag" if tagged else "assumed"
-        return tagged or usual
-
-    is_still = str(context.name) in ("png", "mjpeg", "tiff", "webp", "bmp", "apng", "gif")
-    is_ycbcr = native.family == "ycbcr"
-    tag = {
-        name: int(getattr(frame, name, 0) or 0) or int(getattr(context, name, 0) or 0)
-        for name in ("colorspace", "color_range", "color_trc", "color_primaries")
-    }
-    size_matrix = "bt709" if frame.height >= HD_LINES and not is_still else "bt601"
-    matrix = choose("matrix", options.matrix, MATRICES.get(tag["colorspace"]), size_matrix)
-    full = "yuvj" in str(context.pix_fmt) or not is_ycbcr
-    tagged_range = {1: "limited", 2: "full"}.get(tag["color_range"])
-    if not is_ycbcr and native.family == "rgb":
-        tagged_range = None  # RGB is full range; a "limited" tag on it is left to the user
-    range_ = choose("range", options.range, tagged_range, "full" if full else "limited")
-    usual = "bt1886" if is_ycbcr and not is_still else "srgb"
-    tagged_transfer = TRANSFERS.get(tag["color_trc"])
-    transfer = choose(
-        "transfer", "bt1886" if options.force_sdr and options.transfer == "auto" and tagged_transfer
-        in ("pq", "hlg", "linear") else options.transfer, tagged_transfer, usual,
-    )  # fmt: skip
-    if options.transfer == "auto" and transfer in ("pq", "hlg", "linear"):
-        kinds = {"pq": "PQ (HDR10)", "hlg": "HLG", "linear": "linear light"}
-        raise AlreadyHdrError(
-            f"it is tagged as {kinds[transfer]}, so it is HDR already",
-            where=where,
-            remedy="If the tag is wrong, say what it is: --transfer bt1886, or --force-sdr.",
-        )
-    primaries = choose("primaries", "auto", PRIMARIES.get(tag["color_primaries"]), "rec709")
-    return Encoding(
-        family=native.family,
-        bit_depth=native.bit_depth,
-        matrix=cast(Matrix, matrix),
-        range=cast(Range, range_),
-        transfer=cast(Transfer, transfer),
-        primaries=cast(Primaries, primaries),
-        siting=_siting(context, matrix),
-        has_alpha=native.has_alpha,
-        origins=origins,
+    return Tags(
+        first("colorspace", (2,)),
+        first("color_range", (0,)),
+        first("color_trc", (2, 0)),
+        first("color_primaries", (2, 0)),
     )
 
 
-def _siting(context: Any, matrix: str) -> ChromaSiting:
-    # PyAV does not show chroma_location, so the codec's convention is taken.
-    if str(context.name) in ("mpeg1video", "mjpeg", "webp", "vp8"):
-        return "center"
-    return "topleft" if matrix == "bt2020" and "hevc" in str(context.name) else "left"
+def resolve_encoding(
+    tags: Tags,
+    options: InputOptions,
+    *,
+    family: Family,
+    bit_depth: int,
+    has_alpha: bool,
+    is_full_format: bool,
+    is_still: bool,
+    codec: str,
+    lines: int,
+    where: str,
+) -> tuple[Encoding, tuple[str, ...]]:
+    """Decide how codes are read, by the user's word, the tags or what is usual; and say so.
+
+    Raises AlreadyHdrError for PQ, HLG, linear and log tags that the user does not overrule, and
+    InputError for a matrix that is not Y'CbCr.
+    """
+    origins: dict[str, Origin] = {}
+    told: list[str] = []
+
+    def choose(name: str, chosen: str, tagged: str | None, usual: str) -> str:
+        origins[name] = "set" if chosen != "auto" else "tag" if tagged else "assumed"
+        result = chosen if chosen != "auto" else tagged or usual
+        if origins[name] == "assumed" and not (name in ("matrix", "range") and family != "ycbcr"):
+            told.append(f"{name} is not tagged: assumed {result}")
+        return result
+
+    set_transfer = options.transfer
+    if tags.transfer in _HDR_TRANSFERS and set_transfer == "auto":
+        if not options.force_sdr:
+            raise AlreadyHdrError(
+                f"it is tagged as {_HDR_TRANSFERS[tags.transfer]}, so it is HDR already",
+                where=where,
+                remedy="If the tag is wrong, say what it is: --transfer bt1886, or --force-sdr.",
+            )
+        set_transfer = "bt1886"
+    if family == "ycbcr" and options.matrix == "auto" and tags.matrix in _OTHER_MATRICES:
+        raise InputError(
+            f"its matrix {_OTHER_MATRICES[tags.matrix]} is not known here",
+            where=where,
+            remedy="If the tag is wrong, say what it is: --matrix bt709.",
+        )
+    if tags.matrix in _NEAR_MATRICES and family == "ycbcr" and options.matrix == "auto":
+        told.append(f"matrix {_NEAR_MATRICES[tags.matrix]} is read as {_MATRICES[tags.matrix]}")
+    usual_matrix = "bt709" if lines >= HD_LINES and codec not in ("mjpeg", "webp") else "bt601"
+    is_full = family != "ycbcr" or is_full_format
+    # A limited tag on RGB or on a grey image is nearly always a default that was never meant.
+    range_tag = None if family == "rgb" or (family == "grey" and is_still) else tags.range
+    encoding = Encoding(
+        family=family,
+        bit_depth=bit_depth,
+        matrix=cast(
+            Matrix, choose("matrix", options.matrix, _MATRICES.get(tags.matrix), usual_matrix)
+        ),
+        range=cast(
+            Range,
+            choose(
+                "range",
+                options.range,
+                _RANGES.get(range_tag or (2 if is_full_format else 0)),
+                "full" if is_full else "limited",
+            ),
+        ),
+        transfer=cast(
+            Transfer,
+            choose(
+                "transfer",
+                set_transfer,
+                _TRANSFERS.get(tags.transfer),
+                "srgb" if is_still or family == "rgb" else "bt1886",
+            ),
+        ),
+        primaries=cast(
+            Primaries, choose("primaries", "auto", _PRIMARIES.get(tags.primaries), "rec709")
+        ),
+        siting=_siting(codec),
+        has_alpha=has_alpha,
+        origins=origins,
+    )
+    return encoding, tuple(told)
 
 
-def orientation(frame: Any) -> tuple[int, bool]:
+def _siting(codec: str) -> ChromaSiting:
+    # PyAV does not show the stream's chroma location, so it is the codec's convention.
+    return "center" if codec in ("mpeg1video", "mjpeg", "webp", "vp8", "theora") else "left"
+
+
+# ---- orientation ----
+
+_EXIF_TURNS = {
+    2: (0, True), 3: (180, False), 4: (180, True), 5: (270, True), 6: (90, False), 7: (90, True),
+    8: (270, False),
+}  # fmt: skip
+
+
+def matrix_turn(matrix: Sequence[int]) -> tuple[int, bool]:
+    """(degrees clockwise, mirrored left-right first) of a display matrix's nine integers.
+
+    Angles between right angles are rounded to the nearest (ISO/IEC 14496-12, 6.2.2).
+    """
+    a, b, _, c, d = (float(value) for value in matrix[:5])
+    flip = a * d - b * c < 0
+    angle = degrees(atan2(-b, -a) if flip else atan2(b, a))
+    return round(angle / 90) % 4 * 90, flip
+
+
+def frame_turn(frame: Any) -> tuple[int, bool]:
     """(degrees clockwise, mirrored first) that turn a decoded frame upright."""
-    rotation = round(float(getattr(frame, "rotation", 0) or 0))
-    return (-rotation) % 360, False
+    try:
+        for side in frame.side_data:
+            if side.type.name == "DISPLAYMATRIX":
+                return matrix_turn(np.frombuffer(bytes(side), np.int32).tolist())
+    except ValueError:  # PyAV 18 does not know every kind of side data
+        return round(-frame.rotation / 90) % 4 * 90, False
+    return 0, False
 
 
-def orient(
-    planes: tuple[Code, ...], turn: tuple[int, bool], encoding: Encoding
-) -> tuple[Code, ...]:
-    """The planes upright: mirrored if asked, then turned clockwise."""
-    rotation, flip = turn
-    if not rotation and not flip:
-        return planes
-    out: list[Code] = []
-    for plane in planes:
-        upright = plane[:, ::-1] if flip else plane
-        out.append(cast(Code, np.ascontiguousarray(np.rot90(upright, -rotation // 90))))
-    return tuple(out)
-
-
-def field_order(context: Any) -> str:
-    """Interlacing as the codec says: "progressive", "interlaced" or "unknown"."""
-    value = str(getattr(context, "field_order", "") or "unknown").lower()
-    if value in ("1", "progressive"):
-        return "progressive"
-    return "unknown" if value in ("0", "unknown", "none") else "interlaced"
-
-
-def timecode(container: Any, stream: Any) -> str | None:
-    """The start timecode from the metadata, if any."""
-    found = stream.metadata.get("timecode") or container.metadata.get("timecode")
-    return str(found) if found else None
-
-
-def notices(context: Any, encoding: Encoding) -> tuple[str, ...]:
-    """What the user should know about how the clip is read."""
-    told = [
-        f"{name} is not tagged: assumed {getattr(encoding, name)}"
-        for name, origin in encoding.origins.items()
-        if origin == "assumed" and not (name == "matrix" and encoding.family != "ycbcr")
-    ]
-    if field_order(context) == "interlaced":
-        told.append("it is flagged as interlaced")
-    return tuple(told)
+def exif_turn(data: bytes) -> tuple[int, bool]:
+    """(degrees clockwise, mirrored first) of a JPEG, PNG, WebP or TIFF file's Exif orientation."""
+    start = 0 if data[:4] in (b"II*\0", b"MM\0*") else data.find(b"Exif\0\0") + 6
+    if start == 5:
+        marker = b"eXIf" if data.startswith(b"\x89PNG") else b"EXIF"
+        start = data.find(marker) + (4 if marker == b"eXIf" else 8)
+        if start in (3, 7):
+            return 0, False
+    block = data[start:]
+    if block[:4] not in (b"II*\0", b"MM\0*"):
+        return 0, False
+    end = cast("Any", "little" if block[:2] == b"II" else "big")
+    table = int.from_bytes(block[4:8], end)
+    count = int.from_bytes(block[table : table + 2], end)
+    for i in range(min(count, 200)):
+        entry = block[table + 2 + 12 * i : table + 14 + 12 * i]
+        if int.from_bytes(entry[:2], end) == 0x0112:
+            return _EXIF_TURNS.get(int.from_bytes(entry[8:10], end), (0, False))
+    return 0, False

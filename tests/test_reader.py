@@ -16,11 +16,11 @@ import numpy as np
 import pytest
 from clips import SHARED
 
-from itmo_video import colour, planes, probe
+from itmo_video import colour, planes, tags
 from itmo_video.errors import AlreadyHdrError, DamagedInputError, InputError
 from itmo_video.model import Encoding
-from itmo_video.probe import InputOptions
 from itmo_video.reader import content_digest, open_clip
+from itmo_video.tags import InputOptions
 
 DATA = SHARED / "data"
 MAKER = Path(__file__).resolve().parents[1] / "sample_clips"
@@ -613,7 +613,7 @@ def test_display_matrices(turn):
     mirror = np.diag([-1.0 if flip else 1.0, 1.0])
     rotate = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
     (a, b), (c, d) = np.round(mirror @ rotate * 65536).astype(int)
-    assert probe.matrix_turn([a, b, 0, c, d, 0, 0, 0, 1 << 30]) == turn
+    assert tags.matrix_turn([a, b, 0, c, d, 0, 0, 0, 1 << 30]) == turn
 
 
 def test_rotated_clip_is_upright():
