@@ -88,6 +88,7 @@ def input_options(settings: Settings, max_pixels: int = 2**27) -> InputOptions:
         force_sdr=settings.force_sdr,
         deinterlace=settings.deinterlace,
         max_pixels=max_pixels,
+        fps=settings.frame_rate,
     )
 
 

@@ -8,13 +8,14 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any, cast
 
 import numpy as np
 import numpy.typing as npt
 
 from itmo_video import colour
-from itmo_video.errors import AlreadyHdrError, InputError
+from itmo_video.errors import AlreadyHdrError, InputError, ItmoError
 from itmo_video.model import ChromaSiting, Code, Encoding, Family
 
 Turn = tuple[int, bool]  # degrees clockwise, mirrored left-right first
@@ -187,3 +188,16 @@ def _full_chroma(planes: tuple[Code, ...], encoding: Encoding) -> tuple[tuple[Co
     cb, cr = (wide(p, scale, 2.0 ** (depth - 1)) for p in chroma)
     alpha = tuple(wide(p, 65535 / top) for p in planes[3:])
     return (luma, cb, cr, *alpha), replace(encoding, bit_depth=16)
+
+
+def pixel_form(frame: Any) -> str:
+    """The pixel format, the same for a full-range one and its plain name."""
+    return str(frame.format.name).replace("yuvj", "yuv")
+
+
+def picture_of(path: Path, decoded: Any) -> Picture:
+    """Read a picture, naming the file in what it raises."""
+    try:
+        return read_picture(decoded)
+    except ItmoError as error:
+        raise type(error)(error.what, where=str(path), remedy=error.remedy) from error

@@ -6,6 +6,7 @@ import dataclasses
 import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from fractions import Fraction
 from importlib import resources
 from pathlib import Path
 from typing import Any, Literal
@@ -142,6 +143,9 @@ class Settings:
     deinterlace: str = setting(
         "auto", str, "deinterlace what is flagged as interlaced", choices=("auto", "off", "force")
     )
+    fps: str | None = setting(
+        None, str, "resample to this constant frame rate: 25, 23.976, 24000/1001", metavar="N"
+    )
     force_sdr: bool = setting(False, bool, "treat a source that is tagged HDR as plain SDR")
     primaries: str = setting(
         "rec709", str, "primaries of the output", choices=OUTPUT_PRIMARIES, scope="file"
@@ -161,6 +165,7 @@ class Settings:
             if value is None and f.default is None:
                 continue
             object.__setattr__(self, f.name, spec.check(flag_name(f.name), value))
+        _ = self.frame_rate  # raises where it is no rate
         if self.lights & (self.lights - 1):
             raise UsageError(f"lights must be a power of two, not {self.lights}")
         if unknown := [name for name in self.layers if name not in LAYERS]:
@@ -172,6 +177,21 @@ class Settings:
                 f"peak-nits {self.peak_nits:g} is below white-nits {self.white_nits:g}",
                 remedy="The peak must be at least SDR white.",
             )
+
+    @property
+    def frame_rate(self) -> Fraction | None:
+        """The rate that the source is resampled to, frames a second; None to keep its own."""
+        if self.fps is None:
+            return None
+        try:
+            rate = Fraction(self.fps)
+        except (ValueError, ZeroDivisionError):
+            rate = Fraction(0)
+        if not 0 < rate <= 1000:
+            raise UsageError(f"fps must be a rate such as 25 or 24000/1001, not {self.fps!r}")
+        # 23.976 and 29.97 are how people write the NTSC rates.
+        ntsc = Fraction(round(rate) * 1000, 1001)
+        return ntsc if abs(rate - ntsc) < Fraction(1, 200) else rate
 
     @property
     def l_max_effective(self) -> float:

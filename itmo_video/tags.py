@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from fractions import Fraction
 from math import atan2, degrees
 from typing import Any, cast
 
@@ -54,6 +55,7 @@ class InputOptions:
     force_sdr: bool = False
     deinterlace: str = "auto"
     max_pixels: int = 2**27
+    fps: Fraction | None = None
 
 
 @dataclass(frozen=True)

@@ -19,7 +19,8 @@ from clips import SHARED
 from itmo_video import colour, planes, tags
 from itmo_video.errors import AlreadyHdrError, DamagedInputError, InputError
 from itmo_video.model import Encoding
-from itmo_video.reader import content_digest, open_clip
+from itmo_video.probe import content_digest
+from itmo_video.reader import open_clip
 from itmo_video.tags import InputOptions
 
 DATA = SHARED / "data"

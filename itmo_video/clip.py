@@ -1,0 +1,89 @@
+"""What an open source is to all that read frames, and one at another frame rate."""
+
+from __future__ import annotations
+
+import dataclasses
+from bisect import bisect_right
+from collections.abc import Iterator
+from fractions import Fraction
+from math import ceil
+
+from itmo_video.model import ClipInfo, Frame
+
+
+class Clip:
+    """An open source: `info` says what it is, `frames` reads it. Close it, or use `with`."""
+
+    info: ClipInfo
+
+    def frames(self, start: int = 0) -> Iterator[Frame]:
+        """Yield the frames from index `start` on, in presentation order, the same whatever `start`.
+
+        Frames that do not decode are left out, so indices may have gaps. Raises
+        DamagedInputError at the first frame that has another size or format than the clip's first.
+        Independent iterators may run side by side, also in threads.
+        """
+        raise NotImplementedError
+
+    def time_s(self, index: int) -> Fraction:
+        """Presentation time of the frame `index` in seconds, as the file has it."""
+        raise NotImplementedError
+
+    def close(self) -> None:
+        """Release the source; files are open only while frames are read, so nothing is held."""
+
+    def __enter__(self) -> Clip:
+        return self
+
+    def __exit__(self, *exc: object) -> None:
+        self.close()
+
+
+class Resampled(Clip):
+    """A clip at a constant frame rate: at each of its times the source's frame shown then.
+
+    All numbers count resampled frames, from the source's first time on. Frames that do not decode
+    leave gaps as in the source.
+    """
+
+    def __init__(self, clip: Clip, rate: Fraction) -> None:
+        self._clip = clip
+        times = [clip.time_s(i) for i in range(clip.info.frames)]
+        self._begin = times[0]
+        # The last frame lasts as long as one of the source's does on average.
+        end = times[-1] + 1 / clip.info.frame_rate
+        count = max(1, ceil((end - self._begin) * rate))
+        self._rate = rate
+        self._sources = [bisect_right(times, self.time_s(m)) - 1 for m in range(count)]
+        self.info = dataclasses.replace(
+            clip.info,
+            frames=count,
+            frame_rate=rate,
+            duration_s=count / rate,
+            is_vfr=False,
+            timecode=None,
+            frames_declared=None,
+            notices=(*clip.info.notices, f"resampled to {rate} frames a second"),
+        )
+
+    def time_s(self, index: int) -> Fraction:
+        """Presentation time of the resampled frame `index` in seconds."""
+        return self._begin + index / self._rate
+
+    def frames(self, start: int = 0) -> Iterator[Frame]:
+        """Yield resampled frames; one of the source may come several times or not at all."""
+        position = start
+        if start >= len(self._sources):
+            return
+        for frame in self._clip.frames(self._sources[start]):
+            while position < len(self._sources) and self._sources[position] < frame.index:
+                position += 1
+            while position < len(self._sources) and self._sources[position] == frame.index:
+                yield dataclasses.replace(frame, index=position, time_s=self.time_s(position))
+                position += 1
+            if position >= len(self._sources):
+                return
+
+    def close(self) -> None:
+        """Release the source."""
+        self._clip.close()
