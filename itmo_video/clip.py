@@ -11,6 +11,9 @@ from math import ceil
 from itmo_video.model import ClipInfo, Frame
 
 
+_ROUNDING_S = Fraction(1, 1000)  # Matroska's stamps are rounded to whole milliseconds
+
+
 class Clip:
     """An open source: `info` says what it is, `frames` reads it. Close it, or use `with`."""
 
@@ -54,7 +57,9 @@ class Resampled(Clip):
         end = times[-1] + 1 / clip.info.frame_rate
         count = max(1, ceil((end - self._begin) * rate))
         self._rate = rate
-        self._sources = [bisect_right(times, self.time_s(m)) - 1 for m in range(count)]
+        self._sources = [
+            bisect_right(times, self.time_s(m) + _ROUNDING_S) - 1 for m in range(count)
+        ]
         self.info = dataclasses.replace(
             clip.info,
             frames=count,
