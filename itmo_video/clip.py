@@ -10,7 +10,6 @@ from math import ceil
 
 from itmo_video.model import ClipInfo, Frame
 
-
 _ROUNDING_S = Fraction(1, 1000)  # Matroska's stamps are rounded to whole milliseconds
 
 
