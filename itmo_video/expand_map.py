@@ -115,7 +115,8 @@ def density_map_soft(
 
     Departs from the paper in three ways, each taking out a jump: r_max is the radius itself in
     eq. 16; lights are spread bilinearly over the four pixels around them; and the threshold is a
-    smooth ramp, from `min_lights` - 2.5 to + 1.5, on a count with a soft-edged disc. No threshold
+    smooth ramp, from `min_lights` - 2.2 to + 1.8, on a count with a soft-edged disc (so set, the
+    maps of 21 panoramas have the mean of the hard one, 4 % more in the median). No threshold
     at `min_lights` <= 1.
     """
     height, width = _checked(shape_hw, radius_px)
@@ -146,7 +147,7 @@ def density_map_soft(
     sums = scipy.fft.irfft2(spectra, s=(rows, columns), overwrite_x=True)[:, :height, :width]
     density = np.clip(sums[0], 0.0, 1.0)  # rounding leaves tiny negatives
     if is_thresholded:
-        start, end = max(min_lights - 2.5, 0.0), min_lights + 1.5
+        start, end = max(min_lights - 2.2, 0.0), min_lights + 1.8
         ramp = np.clip((sums[1] - np.float32(start)) / np.float32(end - start), 0.0, 1.0)
         density *= ramp * ramp * (3.0 - 2.0 * ramp)
     return np.ascontiguousarray(density, dtype=np.float32)

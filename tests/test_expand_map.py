@@ -91,7 +91,7 @@ def oracle_soft(
     density = np.minimum(density / oracle_white(radius), 1.0)
     if min_lights <= 1:
         return density
-    start, end = max(min_lights - 2.5, 0.0), min_lights + 1.5
+    start, end = max(min_lights - 2.2, 0.0), min_lights + 1.8
     ramp = np.clip((count - start) / (end - start), 0.0, 1.0)
     return density * (3.0 * ramp**2 - 2.0 * ramp**3)
 
