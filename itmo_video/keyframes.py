@@ -14,6 +14,7 @@ import cv2
 import numpy as np
 
 from itmo_video import warp
+from itmo_video.guide import grey_of
 from itmo_video.model import Code, Float32, Frame
 
 CUT_REACH = 3  # frames to either side that decide about a cut; also the longest flash
@@ -25,9 +26,10 @@ TINY_SIZE = (32, 18)
 
 @dataclass(frozen=True)
 class Analysed:
-    """A frame with its 8-bit grey picture at analysis size, and a tiny one for finding cuts."""
+    """A frame with its luma at analysis size, as codes and in 8 bits, and tiny for finding cuts."""
 
     frame: Frame
+    guide: Float32
     grey: Code
     tiny: Float32
 
@@ -81,10 +83,11 @@ def lead_in(key_interval: int, smooth_keys: int) -> int:
     return smooth_keys * key_interval + CUT_REACH + 1
 
 
-def analyse_frame(frame: Frame, grey: Code) -> Analysed:
-    """An Analysed from a frame and its grey picture."""
+def analyse_frame(frame: Frame, guide: Float32) -> Analysed:
+    """An Analysed from a frame and its luma codes at analysis size."""
+    grey = grey_of(guide)
     tiny = cv2.resize(grey, TINY_SIZE, interpolation=cv2.INTER_AREA).astype(np.float32)
-    return Analysed(frame, grey, tiny / np.float32(255))
+    return Analysed(frame, guide, grey, tiny / np.float32(255))
 
 
 def difference(a: Analysed, b: Analysed) -> float:

@@ -12,10 +12,11 @@ import cv2
 
 from itmo_video import keyframes, warp
 from itmo_video.errors import DamagedInputError
+from itmo_video.guide import analysis_guide
 from itmo_video.keyframes import Analysed, Span
 from itmo_video.model import Float32, Frame
 from itmo_video.reader import Clip
-from itmo_video.render import Look, Rendered, analysis_grey, make_key_map, render
+from itmo_video.render import Look, Rendered, make_key_map, render
 
 Sink = Callable[[Frame, Rendered], None]
 
@@ -75,7 +76,7 @@ def memory_bound_bytes(width: int, height: int, bytes_per_code: int, look: Look,
 def analysed_frames(clip: Clip, run: Run, look: Look) -> Iterator[Analysed]:
     """Decode from the run's start, each frame with its pictures at analysis size."""
     for frame in clip.frames(run.start):
-        yield keyframes.analyse_frame(frame, analysis_grey(frame, look.settings.map_width))
+        yield keyframes.analyse_frame(frame, analysis_guide(frame, look.settings.map_width))
 
 
 def spans_of(
@@ -116,7 +117,7 @@ def render_span(
     for analysed in span.frames:
         if analysed.index in wanted and not stop.is_set():
             map_small = map_between(span, analysed, look) if look.needs_map else None
-            sink(analysed.frame, render(analysed.frame, map_small, look))
+            sink(analysed.frame, render(analysed.frame, map_small, look, analysed.guide))
 
 
 def map_between(span: Span, analysed: Analysed, look: Look) -> Float32:

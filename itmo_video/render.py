@@ -10,8 +10,9 @@ import numpy as np
 
 from itmo_video import colour, expand_map
 from itmo_video.bars import find_bars
+from itmo_video.guide import FullMap, NoiseGuard, analysis_guide, analysis_size, guide_codes
 from itmo_video.median_cut import median_cut
-from itmo_video.model import Code, Float32, Float64, Frame, Half
+from itmo_video.model import Float32, Float64, Frame, Half
 from itmo_video.operators import (
     LUMINANCE_WEIGHTS,
     Context,
@@ -23,10 +24,8 @@ from itmo_video.operators import (
 from itmo_video.settings import Settings
 
 STRIP_ROWS = 40  # so that a strip's planes stay in the L2 cache
-EDGE_EPSILON = 1e-3  # guided filter: contrasts (squared, of codes 0..1) below this are smoothed
 HALF_MAX = 65504.0
 _LEAST_FOR_CV2 = 64  # cv2 takes arrays of up to four elements for scalars
-_ALL = slice(None)
 
 
 @dataclass(frozen=True)
@@ -56,42 +55,6 @@ def make_look(settings: Settings) -> Look:
     """Compile settings; raises UsageError for an unknown operator or parameter."""
     operator = find_operator(settings)
     return Look(settings, operator, resolve_params(operator, settings.operator_params))
-
-
-def analysis_size(width: int, height: int, map_width: int) -> tuple[int, int]:
-    """(width, height) of the picture that map and flow are made at: at most `map_width` wide."""
-    if width <= map_width:
-        return width, height
-    return map_width, max(1, round(height * map_width / width))
-
-
-def guide_codes(frame: Frame, size: tuple[int, int] | None = None, rows: slice = _ALL) -> Float32:
-    """Luma code, 0 black to 1 white, unclipped: float32 (H, W), area-averaged to `size`."""
-    encoding = frame.encoding
-    top = float(2**encoding.bit_depth - 1)
-    black, span = 0.0, top
-    if encoding.range == "limited" and encoding.family != "rgb":
-        step = 2.0 ** (encoding.bit_depth - 8)
-        black, span = 16 * step, 219 * step
-    count = 3 if encoding.family == "rgb" else 1
-    weights = LUMINANCE_WEIGHTS if count == 3 else (1.0,)
-    total: Float32 | None = None
-    for plane, weight in zip(frame.planes[0:count], weights, strict=True):
-        codes = plane[rows]
-        if size is not None and (codes.shape[1], codes.shape[0]) != size:
-            codes = cv2.resize(codes, size, interpolation=cv2.INTER_AREA)
-        part = cv2.addWeighted(
-            codes, weight / span, codes, 0, -black * weight / span, dtype=cv2.CV_32F
-        )
-        total = part if total is None else cv2.add(total, part)
-    assert total is not None
-    return np.asarray(total, np.float32).reshape(total.shape[:2])
-
-
-def analysis_grey(frame: Frame, map_width: int) -> Code:
-    """8-bit grey picture at analysis size, for cuts, flow and as the map's guide."""
-    codes = guide_codes(frame, analysis_size(*frame.size, map_width))
-    return np.asarray(np.rint(np.clip(codes, 0, 1) * np.float32(255)), np.uint8)
 
 
 def strips(height: int) -> Iterator[slice]:
@@ -147,43 +110,12 @@ def _density(luminance: Float32, row_weight: Float64 | None, settings: Settings)
     return density(lights, (height, width), radius_px, settings.min_lights, wrap_x=wrap_x)
 
 
-class FullMap:
-    """A map at analysis size, brought up to the frame's size a strip of rows at a time."""
-
-    def __init__(self, map_small: Float32, frame: Frame, look: Look) -> None:
-        self._frame = frame
-        self._small: tuple[Float32, ...] = (map_small,)
-        self._wraps = look.settings.projection == "latlong"
-        if look.settings.edge_aware:
-            height, width = map_small.shape
-            guide = guide_codes(frame, (width, height))
-            radius = expand_map.scaled_radius_px(look.settings.radius, width, height)
-            radius_px = max(1, round(radius))
-            pad = min(2 * radius_px, width) if self._wraps else 0
-            map_around = np.pad(map_small, ((0, 0), (pad, pad)), "wrap")
-            guide_around = np.pad(guide, ((0, 0), (pad, pad)), "wrap")
-            a, b = expand_map.edge_aware_coefficients(
-                map_around, guide_around, radius_px, EDGE_EPSILON
-            )
-            self._small = (a[:, pad : pad + width], b[:, pad : pad + width])
-
-    def rows(self, rows: slice) -> Float32:
-        """Rows of the map at full size, float32 in [0, 1]."""
-        width, height = self._frame.size
-        full = [
-            expand_map.upsample_rows(small, rows, (height, width), self._wraps)
-            for small in self._small
-        ]
-        if len(full) == 1:
-            return full[0]
-        a, b = full
-        a *= guide_codes(self._frame, rows=rows)
-        a += b
-        return np.clip(a, 0, 1, out=a)
-
-
-def render(frame: Frame, map_small: Float32 | None, look: Look) -> Rendered:
+def render(
+    frame: Frame, map_small: Float32 | None, look: Look, guide: Float32 | None = None
+) -> Rendered:
     """Expand one frame; `map_small` is its map at analysis size, None for a map of 1 everywhere.
+
+    `guide` is its `guide.analysis_guide`, where that is at hand.
 
     The result is LDR + map * (expanded - LDR), written as a gain on linear RGB so that the hue is
     kept (eq. 3), in the output primaries, in units of SDR white, within half float's range.
@@ -198,9 +130,13 @@ def render(frame: Frame, map_small: Float32 | None, look: Look) -> Rendered:
     matrix = None
     if settings.primaries != frame.encoding.primaries:
         matrix = colour.rgb_to_rgb_matrix(frame.encoding.primaries, settings.primaries)
+    if guide is None:
+        guide = analysis_guide(frame, settings.map_width)
     weights = None
     if map_small is not None and look.needs_map:
-        weights = FullMap(map_small, frame, look)
+        weights = FullMap(map_small, frame, guide, settings)
+    guard = NoiseGuard(frame, guide) if settings.noise_guard else None
+    needs_codes = guard is not None or (weights is not None and settings.edge_aware)
     # A gain of L'max on a pixel of one pure primary may pass what a half can hold.
     limit = settings.alpha is not None or not clip or 20 * context.l_max > HALF_MAX
     alpha = _alpha(frame)
@@ -211,8 +147,11 @@ def render(frame: Frame, map_small: Float32 | None, look: Look) -> Rendered:
         colour.strip_to_rgb_linear(frame, rows, clip, rgb)
         luminance = luminance_of(rgb)
         np.clip(luminance, 0, 1, out=luminance)
+        codes = guide_codes(frame, rows=rows) if needs_codes else None
+        if guard is not None and codes is not None:
+            luminance = guard.smooth(luminance, rows, codes)
         gain = look.operator.gain(luminance, context)
-        weight = None if weights is None else weights.rows(rows)
+        weight = None if weights is None else weights.rows(rows, codes)
         if weight is not None:
             gain -= np.float32(1)
             gain *= weight

@@ -10,10 +10,9 @@ import numpy as np
 import pytest
 
 from itmo_video import warp
+from itmo_video.guide import FullMap, analysis_guide, grey_of, guide_codes
 from itmo_video.model import Encoding, Frame
 from itmo_video.render import (
-    FullMap,
-    analysis_grey,
     frame_luminance,
     make_key_map,
     make_look,
@@ -65,7 +64,7 @@ class TestKernels:
         record(benchmark, size)
 
     def test_track(self, benchmark: Any, size: str, depth: int) -> None:
-        grey = analysis_grey(frame_of(size, depth), 512)
+        grey = grey_of(analysis_guide(frame_of(size, depth), 512))
         side = (np.roll(grey, 3, axis=1), np.zeros(grey.shape, np.float32))
         assert benchmark(warp.track_map, grey, side, side, 0.4).shape == grey.shape
         record(benchmark, size)
@@ -73,10 +72,12 @@ class TestKernels:
     def test_full_map(self, benchmark: Any, size: str, depth: int) -> None:
         look, frame = make_look(make_settings()), frame_of(size, depth)
         small = np.random.default_rng(1).random((288, 512), np.float32)
+        guide = analysis_guide(frame, 512)
 
         def all_rows() -> Any:
-            full = FullMap(small, frame, look)
-            return [full.rows(slice(y, y + 36)) for y in range(0, frame.size[1], 36)]
+            full = FullMap(small, frame, guide, look.settings)
+            strips = [slice(y, y + 36) for y in range(0, frame.size[1], 36)]
+            return [full.rows(rows, guide_codes(frame, rows=rows)) for rows in strips]
 
         assert benchmark(all_rows)[0].shape[1] == frame.size[0]
         record(benchmark, size)

@@ -1,0 +1,130 @@
+"""What a picture's own luma guides: the map at full size, and a luminance free of grain.
+
+Both are guided filters (He and Sun 2015) whose coefficients are found at analysis size and brought
+up a strip of rows at a time, so any strip gives the bytes of the whole frame.
+"""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+from itmo_video import expand_map
+from itmo_video.model import Code, Float32, Frame
+from itmo_video.operators import LUMINANCE_WEIGHTS
+from itmo_video.settings import Settings
+
+EDGE_EPSILON = 1e-3  # contrasts (squared, of codes 0..1) below this do not bend the map
+GRAIN_EPSILON = 4e-4  # contrasts below this, 2 % of the code range, count as grain
+GRAIN_RADIUS_PX = 3  # at analysis size
+GAMMA = 2.4  # how luminance goes with the code, for small differences
+_ALL = slice(None)
+
+
+def analysis_size(width: int, height: int, map_width: int) -> tuple[int, int]:
+    """(width, height) of the picture that map and flow are made at: at most `map_width` wide."""
+    if width <= map_width:
+        return width, height
+    return map_width, max(1, round(height * map_width / width))
+
+
+def guide_codes(frame: Frame, size: tuple[int, int] | None = None, rows: slice = _ALL) -> Float32:
+    """Luma code, 0 black to 1 white, unclipped: float32 (H, W), area-averaged to `size`."""
+    encoding = frame.encoding
+    top = float(2**encoding.bit_depth - 1)
+    black, span = 0.0, top
+    if encoding.range == "limited" and encoding.family != "rgb":
+        step = 2.0 ** (encoding.bit_depth - 8)
+        black, span = 16 * step, 219 * step
+    count = 3 if encoding.family == "rgb" else 1
+    weights = LUMINANCE_WEIGHTS if count == 3 else (1.0,)
+    total: Float32 | None = None
+    for plane, weight in zip(frame.planes[0:count], weights, strict=True):
+        codes = plane[rows]
+        if size is not None and (codes.shape[1], codes.shape[0]) != size:
+            codes = cv2.resize(codes, size, interpolation=cv2.INTER_AREA)
+        part = cv2.addWeighted(
+            codes, weight / span, codes, 0, -black * weight / span, dtype=cv2.CV_32F
+        )
+        total = part if total is None else cv2.add(total, part)
+    assert total is not None
+    return np.asarray(total, np.float32).reshape(total.shape[:2])
+
+
+def analysis_guide(frame: Frame, map_width: int) -> Float32:
+    """Luma code at analysis size, limited to [0, 1]: what guides the map."""
+    return np.clip(guide_codes(frame, analysis_size(*frame.size, map_width)), 0, 1)
+
+
+def grey_of(guide: Float32) -> Code:
+    """8-bit grey picture of a guide, for cuts and flow."""
+    return np.asarray(np.rint(guide * np.float32(255)), np.uint8)
+
+
+class FullMap:
+    """A map at analysis size, brought up to the frame's size a strip of rows at a time."""
+
+    def __init__(
+        self, map_small: Float32, frame: Frame, guide: Float32, settings: Settings
+    ) -> None:
+        self._frame = frame
+        self._small: tuple[Float32, ...] = (map_small,)
+        self._wraps = settings.projection == "latlong"
+        if settings.edge_aware:
+            height, width = map_small.shape
+            radius = expand_map.scaled_radius_px(settings.radius, width, height)
+            radius_px = max(1, round(radius))
+            pad = min(2 * radius_px, width) if self._wraps else 0
+            map_around = np.pad(map_small, ((0, 0), (pad, pad)), "wrap")
+            guide_around = np.pad(guide, ((0, 0), (pad, pad)), "wrap")
+            a, b = expand_map.edge_aware_coefficients(
+                map_around, guide_around, radius_px, EDGE_EPSILON
+            )
+            self._small = (a[:, pad : pad + width], b[:, pad : pad + width])
+
+    def rows(self, rows: slice, codes: Float32 | None) -> Float32:
+        """Rows of the map at full size, float32 in [0, 1]; `codes` are the rows' guide codes."""
+        width, height = self._frame.size
+        full = [
+            expand_map.upsample_rows(small, rows, (height, width), self._wraps)
+            for small in self._small
+        ]
+        if len(full) == 1:
+            return full[0]
+        assert codes is not None
+        a, b = full
+        a *= codes
+        a += b
+        return np.clip(a, 0, 1, out=a)
+
+
+class NoiseGuard:
+    """Luminance for the curve's argument, without grain, banding and block edges.
+
+    The picture keeps its own detail: only the gain is found from the smoothed luminance, so what
+    is below GRAIN_EPSILON is carried through as it is and not lifted by the curve's slope.
+    """
+
+    def __init__(self, frame: Frame, guide: Float32) -> None:
+        self._frame = frame
+        self._a, self._b = expand_map.edge_aware_coefficients(
+            guide, guide, GRAIN_RADIUS_PX, GRAIN_EPSILON
+        )
+
+    def smooth(self, luminance: Float32, rows: slice, codes: Float32) -> Float32:
+        """Smoothed luminance of some rows, in [0, 1]; written into `luminance`.
+
+        The filter works on codes, where noise is even; to first order a change of code by a
+        fraction changes luminance by GAMMA times that fraction.
+        """
+        width, height = self._frame.size
+        ratio = expand_map.upsample_rows(self._a, rows, (height, width))
+        ratio -= np.float32(1)
+        ratio *= codes
+        ratio += expand_map.upsample_rows(self._b, rows, (height, width))
+        ratio *= np.float32(GAMMA)
+        ratio /= np.maximum(codes, np.float32(0.02))
+        np.clip(ratio, -0.5, 1, out=ratio)
+        ratio += np.float32(1)
+        luminance *= ratio
+        return np.clip(luminance, 0, 1, out=luminance)
