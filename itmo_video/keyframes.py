@@ -41,12 +41,16 @@ class Analysed:
 
 @dataclass(frozen=True)
 class Placed:
-    """An analysed frame that knows its place: whether it starts or ends a shot, and is a key."""
+    """An analysed frame that knows its place: whether it starts or ends a shot, and is a key.
+
+    A flash is no source for its neighbours: it is a key only at the end of a shot.
+    """
 
     analysed: Analysed
     starts_shot: bool
     ends_shot: bool
     is_key: bool
+    is_flash: bool = False
 
 
 @dataclass(eq=False)
@@ -68,7 +72,8 @@ class Key:
 class Span:
     """Frames [key, ..., next key): the keys' pictures and maps, and the frames to be rendered.
 
-    `right` is None where the span is a single key frame.
+    `right` is None where the span is a single key frame. `flashes` are the indices of frames that
+    have nothing of the keys' maps.
     """
 
     left_index: int
@@ -76,11 +81,17 @@ class Span:
     right_index: int | None
     right: tuple[Code, Float32] | None
     frames: tuple[Analysed, ...]
+    flashes: frozenset[int] = frozenset()
 
 
-def lead_in(key_interval: int, smooth_keys: int) -> int:
-    """Frames before a key's grid position that must be read for it to come out the same."""
-    return smooth_keys * key_interval + CUT_REACH + 1
+def lead_in(key_interval: int, smooth_keys: int) -> tuple[int, int]:
+    """How far before a frame's grid position keys, and frames, are needed for it to be the same.
+
+    A key that falls on a flash moves to a later frame, so one key more is needed than smoothing
+    takes; where it moves to is known from two windows.
+    """
+    keys = (smooth_keys + 1) * key_interval
+    return keys, keys + 2 * (CUT_REACH + 1)
 
 
 def analyse_frame(frame: Frame, guide: Float32) -> Analysed:
@@ -122,6 +133,24 @@ def is_cut(window: Sequence[Analysed], at: int) -> bool:
     )
 
 
+def is_flash(window: Sequence[Analysed], at: int) -> bool:
+    """Whether `window[at]` is unlike frames on both its sides that are alike themselves.
+
+    The frames compared are at most CUT_REACH + 1 apart: that long a flash may be.
+    """
+    if window[at].index in (window[0].index, window[-1].index):
+        return False
+    for a in range(max(0, at - CUT_REACH), at):
+        change = difference(window[a], window[at])
+        if change < CUT_DIFFERENCE:
+            continue
+        for b in range(at + 1, min(len(window), a + CUT_REACH + 2)):
+            back = difference(window[at], window[b])
+            if difference(window[a], window[b]) < FLASH_RATIO * min(change, back):
+                return True
+    return False
+
+
 def place(frames: Iterable[Analysed], key_interval: int, start: int) -> Iterator[Placed]:
     """Mark shots and keys; looks CUT_REACH + 1 frames ahead and CUT_REACH + 1 back.
 
@@ -134,6 +163,7 @@ def place(frames: Iterable[Analysed], key_interval: int, start: int) -> Iterator
     done = False
     position = 0  # of the frame to be placed, within the window
     is_first = True
+    owed: int | None = None  # the grid position whose key is still to come
     while True:
         while not done and len(window) - position <= CUT_REACH + 1:
             following = next(source, None)
@@ -149,7 +179,16 @@ def place(frames: Iterable[Analysed], key_interval: int, start: int) -> Iterator
         else:
             starts = _cut(window, position, cuts)
         ends = position + 1 >= len(window) or _cut(window, position + 1, cuts)
-        yield Placed(current, starts, ends, starts or ends or current.index % key_interval == 0)
+        first = max(0, position - CUT_REACH)
+        view = [window[i] for i in range(first, min(len(window), position + CUT_REACH + 1))]
+        flash = not starts and not ends and is_flash(view, position - first)
+        if current.index % key_interval == 0:
+            owed = current.index
+        # A key that falls on a flash moves to the next frame that is none, not for ever.
+        due = owed is not None and (not flash or current.index >= owed + CUT_REACH)
+        if due or starts or ends:
+            owed = None
+        yield Placed(current, starts, ends, starts or ends or due, flash and not due)
         is_first = False
         position += 1
         while position > CUT_REACH + 1:
@@ -202,7 +241,7 @@ def spans(
     Only spans some of whose frames `is_wanted` come out.
     """
     shot: list[Key] = []  # the recent keys of the current shot, oldest first
-    waiting: list[tuple[Key, list[Analysed]]] = []  # spans whose maps wait for later keys
+    waiting: list[tuple[Key, list[Placed]]] = []  # spans whose maps wait for later keys
     smoothed: dict[int, Float32] = {}
 
     def smooth(key: Key) -> Float32:
@@ -216,7 +255,7 @@ def spans(
         # A span can go once its right key has smooth_keys keys after it, or the shot is over.
         while len(waiting) >= 2 + count_ahead:
             (left, frames), (right, _) = waiting[0], waiting[1]
-            if is_wanted(frames):
+            if is_wanted([item.analysed for item in frames]):
                 yield _span(left, smooth(left), frames, right, smooth(right))
             waiting.pop(0)
             smoothed.pop(left.placed.analysed.index, None)
@@ -232,14 +271,14 @@ def spans(
                 key.to_previous = warp.flow_px(key.grey, shot[-1].grey)
                 shot[-1].to_next = warp.flow_px(shot[-1].grey, key.grey)
             shot.append(key)
-            waiting.append((key, [item.analysed]))
+            waiting.append((key, [item]))
             yield from ready(smooth_keys)
         elif waiting:
-            waiting[-1][1].append(item.analysed)
+            waiting[-1][1].append(item)
         if item.ends_shot:
             yield from ready(0)
             for left, frames in waiting:
-                if is_wanted(frames):
+                if is_wanted([item.analysed for item in frames]):
                     yield _span(left, smooth(left), frames, None, None)
             waiting.clear()
             shot.clear()
@@ -249,7 +288,7 @@ def spans(
 def _span(
     left: Key,
     left_map: Float32,
-    frames: list[Analysed],
+    frames: list[Placed],
     right: Key | None,
     right_map: Float32 | None,
 ) -> Span:
@@ -258,5 +297,6 @@ def _span(
         (left.grey, left_map),
         right.placed.analysed.index if right else None,
         (right.grey, right_map) if right is not None and right_map is not None else None,
-        tuple(frames),
+        tuple(item.analysed for item in frames),
+        frozenset(item.analysed.index for item in frames if item.is_flash),
     )

@@ -43,7 +43,7 @@ def default_jobs() -> int:
 def plan_runs(wanted: Sequence[int], look: Look) -> list[Run]:
     """Group sorted indices into runs, each with the lead-in that the window needs."""
     interval, smooth = look.settings.key_reach, look.settings.smooth_reach
-    lead = keyframes.lead_in(interval, smooth)
+    lead_keys, lead = keyframes.lead_in(interval, smooth)
     groups: list[list[int]] = []
     for index in wanted:
         # A gap shorter than the lead-in is cheaper to decode through than to start anew after.
@@ -54,7 +54,7 @@ def plan_runs(wanted: Sequence[int], look: Look) -> list[Run]:
     runs = []
     for group in groups:
         grid = group[0] - group[0] % interval
-        keys = max(0, grid - smooth * interval)
+        keys = max(0, grid - lead_keys)
         runs.append(Run(max(0, grid - lead), keys, frozenset(group)))
     return runs
 
@@ -123,6 +123,8 @@ def render_span(
 def map_between(span: Span, analysed: Analysed, look: Look) -> Float32:
     """The map of one frame of a span: a key's own, or made from the keys on either side."""
     index = analysed.index
+    if index in span.flashes:
+        return make_key_map(analysed.frame, look)
     if span.right is None or span.right_index is None or index == span.left_index:
         return span.left[1]
     t = (index - span.left_index) / (span.right_index - span.left_index)

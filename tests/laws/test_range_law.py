@@ -4,17 +4,22 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 from clips import exr_bytes, moving_scene, write_ffv1
 
 from itmo_video import RunOptions, Settings, convert, make_settings
 
 CUTS = (17, 18, 40)
+FLASHES = (25, 30, 31, 52, 55)  # some on the key grid
 
 
 @pytest.fixture(scope="module")
 def clip(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return write_ffv1(tmp_path_factory.mktemp("clip") / "scene.mkv", moving_scene(64, cuts=CUTS))
+    frames = list(moving_scene(64, cuts=CUTS))
+    for flash in FLASHES:
+        frames[flash] = np.full_like(frames[flash], 250)
+    return write_ffv1(tmp_path_factory.mktemp("clip") / "scene.mkv", frames)
 
 
 def small(preset: str, **overrides: object) -> Settings:
@@ -36,7 +41,23 @@ def whole(
     return settings, exr_bytes(out)
 
 
-RANGES = ["1", "18-31", "16-20", "17", "18", "19", "36-44", "41", "40-40", "60-64", "64", "2-63x7"]
+RANGES = [
+    "1",
+    "18-31",
+    "16-20",
+    "17",
+    "18",
+    "19",
+    "36-44",
+    "41",
+    "40-40",
+    "60-64",
+    "64",
+    "2-63x7",
+    "26-33",
+    "56",
+    "54-57",
+]
 
 
 def test_any_range_gives_the_bytes_of_the_whole_run(
