@@ -7,7 +7,7 @@ keys stand on `index % key_interval == 0`, on both sides of a cut and on the cli
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import cv2
@@ -87,10 +87,10 @@ class Span:
 def lead_in(key_interval: int, smooth_keys: int) -> tuple[int, int]:
     """How far before a frame's grid position keys, and frames, are needed for it to be the same.
 
-    A key that falls on a flash moves to a later frame, so one key more is needed than smoothing
-    takes; where it moves to is known from two windows.
+    A key that falls on a flash moves on by up to CUT_REACH, so keys are at most that much further
+    apart than the grid, and one key more may be needed; where it moves is known from two windows.
     """
-    keys = (smooth_keys + 1) * key_interval
+    keys = (smooth_keys + 1) * (key_interval + CUT_REACH)
     return keys, keys + 2 * (CUT_REACH + 1)
 
 
@@ -163,7 +163,7 @@ def place(frames: Iterable[Analysed], key_interval: int, start: int) -> Iterator
     done = False
     position = 0  # of the frame to be placed, within the window
     is_first = True
-    owed: int | None = None  # the grid position whose key is still to come
+    flashes: dict[int, bool] = {}
     while True:
         while not done and len(window) - position <= CUT_REACH + 1:
             following = next(source, None)
@@ -182,18 +182,25 @@ def place(frames: Iterable[Analysed], key_interval: int, start: int) -> Iterator
         first = max(0, position - CUT_REACH)
         view = [window[i] for i in range(first, min(len(window), position + CUT_REACH + 1))]
         flash = not starts and not ends and is_flash(view, position - first)
-        if current.index % key_interval == 0:
-            owed = current.index
-        # A key that falls on a flash moves to the next frame that is none, not for ever.
-        due = owed is not None and (not flash or current.index >= owed + CUT_REACH)
-        if due or starts or ends:
-            owed = None
+        flashes[current.index] = flash
+        flashes.pop(current.index - CUT_REACH - 1, None)
+        due = _is_key_due(current.index, flashes, key_interval)
         yield Placed(current, starts, ends, starts or ends or due, flash and not due)
         is_first = False
         position += 1
         while position > CUT_REACH + 1:
             cuts.pop(window.popleft().index, None)
             position -= 1
+
+
+def _is_key_due(index: int, flashes: Mapping[int, bool], key_interval: int) -> bool:
+    """Whether a key stands here: on the grid, or moved here off a flash, not further than reach."""
+    for back in range(CUT_REACH + 1):
+        if (index - back) % key_interval == 0 and (not flashes[index] or back == CUT_REACH):
+            return True
+        if not flashes.get(index - back - 1, False):
+            return False
+    return False
 
 
 def _cut(window: Sequence[Analysed], at: int, cuts: dict[int, bool]) -> bool:
