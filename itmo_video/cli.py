@@ -14,6 +14,7 @@ from types import FrameType
 from typing import Any, NoReturn
 
 from itmo_video import settings as settings_module
+from itmo_video.delivery.command import add_preview
 from itmo_video.errors import ItmoError, UsageError
 from itmo_video.settings import Settings, flag_name, spec_of
 
@@ -97,6 +98,8 @@ def _parser() -> argparse.ArgumentParser:
     _add_settings(convert)
     _add_run_options(convert)
     convert.set_defaults(run=_convert)
+
+    add_preview(commands, _add_settings, _settings)
 
     info = commands.add_parser("info", help="what a clip says of itself and what will be assumed")
     info.add_argument("input", metavar="INPUT")
