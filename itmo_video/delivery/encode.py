@@ -90,7 +90,8 @@ class FilmWriter:
     """Writes a film under a temporary name; `finish` completes its metadata and renames it.
 
     In `with`, a film that is not finished is removed. Sound and chapters are copied from `source`
-    as they are; frames and sound before `start_s` are left out, and all times count from there.
+    as they are. With `start_s` the film is a part: times count from there, sound before it and
+    after the last frame is left out.
     """
 
     def __init__(
@@ -102,6 +103,7 @@ class FilmWriter:
     ) -> None:
         check_film(path, spec)
         self.path, self.spec = path, spec
+        self._is_whole = start_s is None
         self._start_s = start_s or Fraction(0)
         self._temp = temp_path(path.absolute())
         self._last_pts: int | None = None
@@ -155,7 +157,7 @@ class FilmWriter:
         """Flush, copy the rest of the sound, complete MaxCLL and MaxFALL and rename the file."""
         try:
             self._mux(self._stream.encode(None))
-            self._mux_sound(self._end_s)
+            self._mux_sound(None if self._is_whole else self._end_s)
             self._box.close()
             if light is not None and self.spec.signal == "pq":
                 found = metadata.complete_light(self._temp, self.spec.codec, light)
@@ -201,7 +203,7 @@ class FilmWriter:
             for stream in source.streams.audio
         }
         chapters = source.chapters()
-        if chapters and self._start_s == 0:
+        if chapters and self._is_whole:
             self._box.set_chapters(chapters)
         if self._targets:
             self._sound = iter(source.demux(*source.streams.audio))

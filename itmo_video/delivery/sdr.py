@@ -130,7 +130,7 @@ def ladder(linear: Picture, peak: float) -> Picture:
     small = np.asarray(cv2.resize(linear, size, interpolation=cv2.INTER_AREA), np.float32)
     stops = float(np.log2(max(peak, 1.0)))
     shown = [
-        _labelled(encoded(small * np.float32(2.0**-down)), f"{-down:+.1f} stops")
+        _labelled(encoded(small * np.float32(2.0**-down)), f"{-down or 0:.1f} stops")
         for down in (0.0, stops / 2, stops)
     ]
     return np.concatenate(shown, axis=1)
@@ -168,23 +168,22 @@ def _legend(width: int, height: int, scale: Scale, white_nits: float, peak: floa
     at = low + (np.arange(width) + 0.5) / width * (high - low)
     bar = _cividis(np.broadcast_to((np.floor(at * 2) / 2 - low) / (high - low), (rows, width)))
     text_scale = rows / 56
-    every = max(1, int(np.ceil((high - low) * 150 * text_scale / max(width, 1))))
+    every = max(1, int(np.ceil((high - low) * 200 * text_scale / max(width, 1))))
     for stop in range(low, high, every):
         x = int((stop - low) / (high - low) * width) + 2
         text = f"{stop:+d}" if scale == "stops" else f"{white_nits * 2.0**stop:.3g}"
+        if stop == low:
+            text += f" {scale}"
         ink = (0.0, 0.0, 0.0) if (stop - low) / (high - low) > 0.5 else (1.0, 1.0, 1.0)
         bar[:, max(0, x - 2) : x - 1] = ink
         _write(bar, text, (x, int(rows * 0.68)), text_scale, ink)
-    if width > 220:
-        unit = "stops" if scale == "stops" else "nits"
-        _write(bar, unit, (width - int(100 * text_scale), int(rows * 0.68)), text_scale, (0, 0, 0))
     return bar
 
 
 def _labelled(picture: Picture, text: str) -> Picture:
     scale = max(0.35, picture.shape[0] / 700)
     at = (int(8 * scale), picture.shape[0] - int(12 * scale))
-    _write(picture, text, at, scale, (0, 0, 0), 3)
+    _write(picture, text, (at[0] + 1, at[1] + 1), scale, (0, 0, 0))
     _write(picture, text, at, scale, (1, 1, 1))
     return picture
 
@@ -195,11 +194,10 @@ def _write(
     at: tuple[int, int],
     scale: float,
     ink: tuple[float, ...],
-    bold: int = 1,
 ) -> None:
     # OpenCV writes on 8-bit pictures only, so it writes a mask.
     mask = np.zeros(picture.shape[:2], np.uint8)
-    cv2.putText(mask, text, at, cv2.FONT_HERSHEY_SIMPLEX, scale, 255, bold, cv2.LINE_AA)
+    cv2.putText(mask, text, at, cv2.FONT_HERSHEY_SIMPLEX, scale, 255, 1, cv2.LINE_AA)
     cover = mask[..., None] / np.float32(255)
     picture += cover * (np.array(ink, np.float32) - picture)
 
