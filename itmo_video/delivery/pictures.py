@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from fractions import Fraction
@@ -11,6 +11,7 @@ from typing import Any, TypeVar
 
 import cv2
 import numpy as np
+import numpy.typing as npt
 
 from itmo_video import colour, conversion, pipeline
 from itmo_video.delivery.in_order import InOrder, run_in_order
@@ -35,6 +36,7 @@ class Picture:
     time_s: Fraction
     rgb: tuple[Half | Float32, Half | Float32, Half | Float32]
     source: Frame | None = None
+    layers: Mapping[str, npt.NDArray[Any]] = field(default_factory=dict)
 
 
 Work = Callable[[Picture], T]
@@ -80,7 +82,9 @@ def from_clip(source: Path, settings: Settings, run: conversion.RunOptions) -> P
                 nonlocal made
                 made += 1
                 number = by_index[frame.index]
-                item = work(Picture(frame.index, number, frame.time_s, done.rgb, frame))
+                item = work(
+                    Picture(frame.index, number, frame.time_s, done.rgb, frame, done.layers)
+                )
                 buffer.put(frame.index, item)
 
             wanted = sorted(by_index)
@@ -140,8 +144,9 @@ def from_folder(
             image = read_exr(files.frame_path(number))
             at = image.attributes.get("itmoTime")
             time_s = Fraction(at) if at is not None else Fraction(number - first_number) / rate
-            picture = Picture(number - first_number, number, time_s, rgb_of(image), original)
-            return work(picture)
+            layers = {name: image.channels[name] for name in image.channels if "." in name}
+            index = number - first_number
+            return work(Picture(index, number, time_s, rgb_of(image), original, layers))
 
         with ThreadPoolExecutor(jobs, thread_name_prefix="exr") as pool:
             waiting = []
