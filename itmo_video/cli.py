@@ -16,6 +16,7 @@ from typing import Any, NoReturn
 from itmo_video import settings as settings_module
 from itmo_video.delivery.command import add_preview
 from itmo_video.errors import ItmoError, UsageError
+from itmo_video.report.command import add_report
 from itmo_video.settings import Settings, flag_name, spec_of
 
 EXAMPLES = """\
@@ -97,9 +98,13 @@ def _parser() -> argparse.ArgumentParser:
     convert.add_argument("output", metavar="OUTPUT_DIR", help="the folder that the frames go to")
     _add_settings(convert)
     _add_run_options(convert)
+    convert.add_argument(
+        "--report", action="store_true", help="also write OUTPUT_DIR/report.html about it"
+    )
     convert.set_defaults(run=_convert)
 
     add_preview(commands, _add_settings, _settings)
+    add_report(commands)
 
     info = commands.add_parser("info", help="what a clip says of itself and what will be assumed")
     info.add_argument("input", metavar="INPUT")
@@ -235,7 +240,13 @@ def _convert(args: argparse.Namespace) -> int:
         print(room.describe_plan(args.input, args.output, settings, run))
         return 0
     progress = Progress(as_json=args.json, quiet=args.quiet)
+    if args.report and args.null:
+        raise UsageError("a report needs the frames", remedy="Leave --null or --report out.")
     room.convert(args.input, args.output, settings, run, progress.on_event)
+    if args.report:
+        from itmo_video.report.page import write_report
+
+        write_report(args.output, clip=args.input)
     return 0
 
 

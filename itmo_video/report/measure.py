@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
+from itertools import pairwise
 
 import cv2
 import numpy as np
@@ -50,7 +51,7 @@ class FrameFacts:
 
 @dataclass
 class FilmFacts:
-    """All frames measured: `cuts` and `keys` are indices, flickers are per frame, None if unknown."""
+    """All frames measured: `cuts` and `keys` are indices; flickers by frame, None if unknown."""
 
     frames: list[FrameFacts]
     light: Light
@@ -126,7 +127,7 @@ def _flicker(pictures: Sequence[Float32 | None]) -> list[float] | None:
     known = [picture for picture in pictures if picture is not None]
     if len(known) != len(pictures) or not known:
         return None
-    changes = (float(np.mean(np.abs(b - a))) for a, b in zip(known, known[1:], strict=False))
+    changes = (float(np.mean(np.abs(b - a))) for a, b in pairwise(known))
     return [0.0, *changes]
 
 
