@@ -228,7 +228,8 @@ class FilmWriter:
             if until_s is not None and at >= until_s:
                 self._waiting = packet
                 return
-            if at + (packet.duration or 0) * base <= self._start_s:
+            # A codec's priming before 0 belongs to the sound of a whole film.
+            if not self._is_whole and at + (packet.duration or 0) * base <= self._start_s:
                 continue
             shift = round(self._start_s / base)
             packet.pts -= shift

@@ -20,6 +20,7 @@ from itmo_video.model import Float32, Float64, Half
 Curve = Literal["pq", "hlg"]
 Chroma = Literal["420", "422"]
 Codes10: TypeAlias = npt.NDArray[np.uint16]
+YCbCr: TypeAlias = tuple[Codes10, Codes10, Codes10]
 Planes: TypeAlias = tuple[Float32, Float32, Float32]
 
 # SMPTE ST 2084 / ITU-R BT.2100-2 table 4
@@ -33,6 +34,7 @@ _HLG_C = 0.5 - _HLG_A * float(np.log(4 * _HLG_A))
 # cv2.pow is 20 times slower at 0
 _POWER_FLOOR = 1e-12
 _NOISE_TILE = 256
+_STRIP_ROWS = 32  # even; a strip's planes stay in a core's second-level cache: 3 times faster
 
 
 @dataclass(frozen=True)
@@ -136,23 +138,62 @@ def encode_nits(nits: Planes, curve: Curve, peak_nits: float) -> Planes:
 
 
 def to_ycbcr10(
-    rgb_code: Planes, matrix: Literal["bt709", "bt2020"], chroma: Chroma, frame_index: int
-) -> tuple[Codes10, Codes10, Codes10]:
+    rgb_code: Planes,
+    matrix: Literal["bt709", "bt2020"],
+    chroma: Chroma,
+    frame_index: int,
+    first_row: int = 0,
+) -> YCbCr:
     """10-bit limited-range Y'CbCr of nonlinear R'G'B'; the size must be even where it is halved.
 
     Chroma is sited left (MPEG-2's way, H.273 type 0) and filtered by 1-2-1 across. Dithered before
-    rounding, by noise that depends on the frame's index alone. BT.2100-2, tables 6 and 9.
+    rounding, by noise that depends on the frame's index and the place alone. A strip that begins at
+    an even `first_row` gives the same rows as the whole frame. BT.2100-2, tables 6 and 9.
     """
     kr, kb = colour.LUMINANCE_KR_KB[matrix]
     red, green, blue = rgb_code
+    chroma_row = first_row // 2 if chroma == "420" else first_row
     luma = cv2.scaleAdd(blue, kb, cv2.addWeighted(red, kr, green, 1 - kr - kb, 0))
     cb = _subsampled(cv2.addWeighted(blue, 0.5 / (1 - kb), luma, -0.5 / (1 - kb), 0), chroma)
     cr = _subsampled(cv2.addWeighted(red, 0.5 / (1 - kr), luma, -0.5 / (1 - kr), 0), chroma)
     return (
-        _quantised(luma, 876, 64, frame_index, 0),
-        _quantised(cb, 896, 512, frame_index, 1),
-        _quantised(cr, 896, 512, frame_index, 2),
+        _quantised(luma, 876, 64, frame_index, 0, first_row),
+        _quantised(cb, 896, 512, frame_index, 1, chroma_row),
+        _quantised(cr, 896, 512, frame_index, 2, chroma_row),
     )
+
+
+def master_frame(
+    rgb: Sequence[Half | Float32],
+    primaries: str,
+    white_nits: float,
+    peak_nits: float,
+    curve: Curve,
+    chroma: Chroma,
+    frame_index: int,
+) -> tuple[YCbCr, Light]:
+    """Codes and light of one frame: `to_nits_2020`, `frame_light`, `encode_nits`, `to_ycbcr10`.
+
+    The same as those four by the frame, done strip by strip; odd sizes are padded to even ones.
+    """
+    height, width = rgb[0].shape
+    padded: tuple[Any, ...] = pad_even(rgb)
+    rows, columns = padded[0].shape
+    chroma_shape = (rows // 2 if chroma == "420" else rows, columns // 2)
+    out = tuple(np.empty(s, np.uint16) for s in ((rows, columns), chroma_shape, chroma_shape))
+    peak = total = 0.0
+    for top in range(0, rows, _STRIP_ROWS):
+        strip = [plane[top : top + _STRIP_ROWS] for plane in padded]
+        nits = to_nits_2020(strip, primaries, white_nits, peak_nits)
+        inside = (nits[0][: height - top, :width], nits[1][: height - top, :width],
+                  nits[2][: height - top, :width])  # fmt: skip
+        light = frame_light(inside)
+        peak, total = max(peak, light.peak), total + light.average * inside[0].shape[0]
+        codes = to_ycbcr10(encode_nits(nits, curve, peak_nits), "bt2020", chroma, frame_index, top)
+        for target, strip_codes in zip(out, codes, strict=True):
+            at = top * target.shape[0] // rows
+            target[at : at + strip_codes.shape[0]] = strip_codes
+    return (out[0], out[1], out[2]), Light(peak, total / height)
 
 
 def pad_even(planes: Sequence[Any], *, rows: bool = True) -> Any:
@@ -199,12 +240,12 @@ def _subsampled(plane: Any, chroma: Chroma) -> Any:
     return cv2.scaleAdd(np.ascontiguousarray(plane[:, 0::2]), 0.5, sides)
 
 
-def _quantised(plane: Any, scale: float, offset: float, index: int, salt: int) -> Codes10:
+def _quantised(plane: Any, scale: float, offset: float, index: int, salt: int, row: int) -> Codes10:
     height, width = plane.shape
     noise = _noise(-(-height // _NOISE_TILE), -(-width // _NOISE_TILE))
     # A window that moves from frame to frame: noise that stands still is seen as dirt.
     x = (index * 97 + salt * 31) % _NOISE_TILE
-    y = (index * 57 + salt * 83) % _NOISE_TILE
+    y = (index * 57 + salt * 83 + row) % _NOISE_TILE
     window = noise[y : y + height, x : x + width]
     codes = cv2.scaleAdd(plane, scale, window)
     codes = cv2.add(codes, offset)

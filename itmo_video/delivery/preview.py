@@ -7,7 +7,7 @@ them in order, and MaxCLL and MaxFALL are completed in the finished file.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from math import gcd
@@ -147,18 +147,18 @@ def _signal(options: PreviewOptions) -> encode.Signal:
     return "hlg" if options.view == "hlg" else "sdr"
 
 
-def _nits(picture: Picture, pictures: Pictures, options: PreviewOptions) -> hdr.Planes:
-    """BT.2020 R, G, B in nits of the picture, or of source and picture composed."""
-    white, peak = pictures.white_nits, pictures.peak_nits
-    nits = hdr.to_nits_2020(picture.rgb, pictures.primaries, white, peak)
+def _light_of(
+    picture: Picture, pictures: Pictures, options: PreviewOptions
+) -> tuple[Sequence[Any], str, float]:
+    """Linear planes, their primaries and the nits of 1.0; compare has the source beside."""
+    white = pictures.white_nits
     if options.view != "compare":
-        return nits
+        return picture.rgb, pictures.primaries, white
     assert picture.source is not None
-    linear = sdr.source_picture(picture.source)
-    source = hdr.to_nits_2020([linear[..., i] for i in range(3)], "rec709", white, peak)
-    both = sdr.composed(np.dstack(source), np.dstack(nits), options.layout, options.wipe_at)
-    planes = [np.ascontiguousarray(both[..., i]) for i in range(3)]
-    return planes[0], planes[1], planes[2]
+    source = sdr.source_picture(picture.source)
+    result = sdr.to_709(picture.rgb, pictures.primaries)
+    both = sdr.composed(source, result, options.layout, options.wipe_at)
+    return [np.ascontiguousarray(both[..., i]) for i in range(3)], "rec709", white
 
 
 def sdr_view(picture: Picture, pictures: Pictures, options: PreviewOptions) -> sdr.Picture:
@@ -178,16 +178,17 @@ def sdr_view(picture: Picture, pictures: Pictures, options: PreviewOptions) -> s
 
 
 def _shot(picture: Picture, pictures: Pictures, options: PreviewOptions, chroma: Chroma) -> _Shot:
-    signal, light = _signal(options), Light(0.0, 0.0)
+    signal = _signal(options)
     if signal == "sdr":
         view = sdr_view(picture, pictures, options)
         code: Any = tuple(np.ascontiguousarray(view[..., i]) for i in range(3))
-    else:
-        nits = _nits(picture, pictures, options)
-        light = hdr.frame_light(nits)
-        code = hdr.encode_nits(nits, "pq" if signal == "pq" else "hlg", pictures.peak_nits)
-    planes = hdr.to_ycbcr10(
-        hdr.pad_even(code), "bt709" if signal == "sdr" else "bt2020", chroma, picture.index
+        even: Any = hdr.pad_even(code)
+        planes = hdr.to_ycbcr10(even, "bt709", chroma, picture.index)
+        return _Shot(picture.time_s, planes, Light(0.0, 0.0))
+    rgb, primaries, white = _light_of(picture, pictures, options)
+    curve: hdr.Curve = "pq" if signal == "pq" else "hlg"
+    planes, light = hdr.master_frame(
+        rgb, primaries, white, pictures.peak_nits, curve, chroma, picture.index
     )
     return _Shot(picture.time_s, planes, light)
 
@@ -252,14 +253,15 @@ def _still(pictures: Pictures, output: Path, options: PreviewOptions) -> Light:
         if _signal(options) == "sdr":
             view = sdr_view(picture, pictures, options)
             return stills.sdr_still(view, output.suffix.lower()), Light(0.0, 0.0)
-        nits = _nits(picture, pictures, options)
-        light = hdr.frame_light(nits)
-        code = hdr.encode_nits(nits, "pq", pictures.peak_nits)
+        rgb, primaries, white = _light_of(picture, pictures, options)
         if output.suffix.lower() == ".png":
+            nits = hdr.to_nits_2020(rgb, primaries, white, pictures.peak_nits)
+            code, light = hdr.encode_nits(nits, "pq", pictures.peak_nits), hdr.frame_light(nits)
             mastering = Mastering(colour.CHROMATICITIES["p3d65"], pictures.peak_nits)
             return stills.png_pq(code, mastering, light), light
-        even: Any = hdr.pad_even(code)
-        planes = hdr.to_ycbcr10(even, "bt2020", "420", picture.index)
+        planes, light = hdr.master_frame(
+            rgb, primaries, white, pictures.peak_nits, "pq", "420", picture.index
+        )
         return encode.encode_avif(planes, options.crf if options.crf is not None else 12), light
 
     made = next(pictures.mapped(make), None)

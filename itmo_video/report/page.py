@@ -122,7 +122,8 @@ def render_page(
         "positions": [positions[e.number] / last for e in embedded],
         "left": plots.LEFT, "across": plots.WIDTH - plots.LEFT - plots.RIGHT,
         "codes": embed.CODES, "lowest": embed.LOWEST_STOP, "highest": embed.highest_stop(peak),
-        "falseLow": low, "falseHigh": high, "ramp": _ramp(), "white": white, "width": MAX_WIDTH,
+        "aspect": float(pictures.pixel_aspect), "falseLow": low, "falseHigh": high,
+        "ramp": _ramp(), "white": white, "width": MAX_WIDTH,
         "has_source": any(e.source for e in embedded), "has_map": any(e.map for e in embedded),
     }  # fmt: skip
     shares = facts.histogram.tolist()
@@ -231,6 +232,8 @@ def _settings_rows(manifest: Manifest) -> list[tuple[str, str]]:
 
 
 def _told(value: object) -> str:
+    if value is None or isinstance(value, bool):
+        return {None: "none", True: "yes", False: "no"}[value]
     if isinstance(value, str):
         return value
     if isinstance(value, dict):

@@ -108,7 +108,8 @@ def bars(shares: Sequence[float], lowest: int, bins_a_unit: int) -> list[dict[st
         out.append({
             "x": round(LEFT + (i - first) * step, 1), "y": round(HEIGHT - BOTTOM - height, 1),
             "width": round(max(1.0, step - 2), 1), "height": height, "is_over_white": stop >= 0,
-            "tick": f"{stop:+g}" if stop == int(stop) else "", "share": f"{shares[i]:.2%}",
+            "tick": ("\u2264 " if i == 0 else "") + f"{stop:+g}" if stop == int(stop) else "",
+            "share": f"{shares[i]:.2%}",
             "says": f"{stop:+g} to {stop + 1 / bins_a_unit:+g} stops: {shares[i]:.3%} of pixels",
         })  # fmt: skip
     return out

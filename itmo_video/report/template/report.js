@@ -47,7 +47,10 @@
   function draw() {
     if (!now) return;
     const { width, height, codes, source, map } = now;
-    if (screen.width !== width || screen.height !== height) { screen.width = width; screen.height = height; }
+    if (screen.width !== width || screen.height !== height) {
+      screen.width = width; screen.height = height;
+      screen.style.aspectRatio = `${width * data.aspect} / ${height}`;
+    }
     const out = context.createImageData(width, height), o = out.data;
     const gain = 2 ** Number(exposure.value), isFalse = view() === "false";
     const table = new Uint8ClampedArray(data.codes + 1);
@@ -147,9 +150,9 @@
     strip.fillRect(x, 0, 1, 12);
   }
   const nitsAt = (stop) => `${short(data.white * 2 ** stop)} nits`;
-  byId("low").textContent = `${data.falseLow} stops, ${nitsAt(data.falseLow)}`;
-  byId("high").textContent = `+${data.falseHigh} stops, ${nitsAt(data.falseHigh)}`;
-  byId("white").textContent = `0 stops, ${nitsAt(0)}`;
+  byId("low").textContent = `${data.falseLow} stops`;
+  byId("high").textContent = `+${data.falseHigh}`;
+  byId("white").textContent = `0: ${nitsAt(0)}`;
   byId("white").style.left = `${100 * -data.falseLow / (data.falseHigh - data.falseLow)}%`;
   show();
 })();
