@@ -209,6 +209,34 @@ def test_variable_frame_rate_keeps_its_time_stamps(tmp_path: Path) -> None:
         assert times == [Fraction(s, 12800) for s in stamps], f"{codec}: time stamps moved"
 
 
+def test_chapters_and_the_shape_of_pixels_stay(tmp_path: Path) -> None:
+    clip = tmp_path / "wide.mp4"
+    with av.open(str(clip), "w") as box:
+        stream: Any = box.add_stream("libx264", rate=25)
+        stream.width, stream.height, stream.pix_fmt = 96, 64, "yuv420p"
+        stream.codec_context.sample_aspect_ratio = Fraction(4, 3)
+        base = Fraction(1, 1000)
+        box.set_chapters(
+            [
+                {"id": i, "start": 200 * i, "end": 200 * i + 200, "time_base": base,
+                 "metadata": {"title": f"Part {i}"}} for i in range(2)
+            ]
+        )  # fmt: skip
+        for i in range(10):
+            frame = av.VideoFrame.from_ndarray(np.full((64, 96, 3), 20 * i, np.uint8), "rgb24")
+            frame.pts, frame.time_base = i, Fraction(1, 25)
+            box.mux(stream.encode(frame))
+        box.mux(stream.encode())
+    film = tmp_path / "film.mp4"
+    preview(clip, film)
+    with av.open(str(film)) as box:
+        titles = [chapter["metadata"]["title"] for chapter in box.chapters()]
+        assert titles == ["Part 0", "Part 1"], "chapters are lost"
+        assert box.streams.video[0].sample_aspect_ratio == Fraction(4, 3), "pixels changed shape"
+    with pytest.raises(UsageError):
+        preview(clip, tmp_path / "film.mkv")
+
+
 def test_stills(clip: Path, tmp_path: Path) -> None:
     def make(name: str, *more: str) -> Path:
         path = tmp_path / name
@@ -246,6 +274,7 @@ def test_tone_maps_rise_and_stay_in_sdr(name: str) -> None:
     ("output", "options"),
     [
         ("x.avi", []),
+        ("x.mov", []),
         ("x.mp4", ["--codec", "prores"]),
         ("x.mp4", ["--chroma", "422"]),
         ("x.jpg", []),

@@ -72,7 +72,9 @@ def add_preview(
         help="0 best to 63 (av1: 25, hevc: 18 of 51, AVIF: 12)",
     )  # fmt: skip
     coding.add_argument(
-        "--speed", metavar="PRESET", help="the encoder's preset (av1: 8 of 0-13; hevc: fast)"
+        "--speed",
+        metavar="PRESET",
+        help="the encoder's preset (av1: 6 of 0 slow to 13; hevc: fast)",
     )
     add_settings(parser)
     group = parser.add_argument_group("run")

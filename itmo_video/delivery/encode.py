@@ -36,7 +36,7 @@ _CODE_POINTS: dict[str, tuple[int, int, int]] = {
     "sdr": (1, 1, 1),
 }
 DEFAULT_CRF: dict[str, int] = {"av1": 25, "hevc": 18}
-DEFAULT_SPEED: dict[str, str] = {"av1": "8", "hevc": "fast"}
+DEFAULT_SPEED: dict[str, str] = {"av1": "6", "hevc": "fast"}
 
 
 @dataclass(frozen=True)
@@ -76,10 +76,16 @@ def check_film(path: Path, spec: FilmSpec) -> None:
     """Raise UsageError for a combination that no player or encoder takes."""
     if path.suffix.lower() not in _MUXERS:
         raise UsageError(f"{path.name}: cannot be a film", remedy=f"Name it {', '.join(_MUXERS)}.")
+    if spec.codec == "av1" and path.suffix.lower() == ".mov":
+        raise UsageError("AV1 does not go into .mov", remedy="Name the output .mp4 or .mkv.")
     if spec.codec == "prores" and path.suffix.lower() not in (".mov", ".mkv"):
         raise UsageError("ProRes goes into .mov or .mkv", remedy="Name the output film.mov.")
     if spec.codec == "prores" and spec.crf is not None:
         raise UsageError("ProRes 422 HQ has a fixed quality", remedy="Leave --crf out.")
+    if spec.pixel_aspect != 1 and spec.codec == "av1" and path.suffix.lower() == ".mkv":
+        raise UsageError(  # AV1's own header has none, and PyAV does not set Matroska's
+            "AV1 in .mkv would lose the shape of its pixels", remedy="Name the output .mp4."
+        )
     if spec.codec == "av1" and spec.chroma == "422":
         raise UsageError("SVT-AV1 encodes 4:2:0 only", remedy="Take --codec hevc or prores.")
     if spec.codec == "prores" and spec.chroma == "420":
@@ -180,7 +186,7 @@ class FilmWriter:
 
     def _add_video(self) -> Any:
         spec = self.spec
-        os.environ.setdefault("SVT_LOG", "1")  # errors only: it writes to standard error by itself
+        os.environ.setdefault("SVT_LOG", "0")  # it writes to standard error by itself
         stream: Any = self._box.add_stream(
             _ENCODERS[spec.codec], rate=spec.frame_rate, options=_options(spec)
         )
@@ -243,7 +249,7 @@ def encode_avif(planes: YCbCr, crf: float) -> bytes:
     """A 10-bit PQ BT.2020 AVIF still, 4:2:0, of the encoder that films use."""
     import io
 
-    os.environ.setdefault("SVT_LOG", "1")
+    os.environ.setdefault("SVT_LOG", "0")
     target = io.BytesIO()
     height, width = planes[0].shape
     with av.open(target, "w", format="avif") as box:
