@@ -14,7 +14,9 @@ from types import FrameType
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from itmo_video import settings as settings_module
+from itmo_video.delivery.command import add_preview
 from itmo_video.errors import ItmoError, UsageError
+from itmo_video.report.command import add_report
 from itmo_video.settings import Settings, flag_name, spec_of
 
 if TYPE_CHECKING:
@@ -109,7 +111,13 @@ def _parser() -> argparse.ArgumentParser:
     convert.add_argument("output", metavar="OUTPUT_DIR", help="the folder that the frames go to")
     _add_settings(convert)
     _add_run_options(convert)
+    convert.add_argument(
+        "--report", action="store_true", help="also write OUTPUT_DIR/report.html about it"
+    )
     convert.set_defaults(run=_convert)
+
+    add_preview(commands, _add_settings, _settings)
+    add_report(commands)
 
     info = commands.add_parser("info", help="what a clip says of itself and what will be assumed")
     info.add_argument("input", metavar="INPUT")
@@ -268,11 +276,18 @@ def _convert_one(
     if args.verify:
         room.require_sound(room.verify(source, output, settings, run))
         print(f"{output}: all frames are there and whole")
-    elif args.dry_run:
+        return
+    if args.dry_run:
         print(room.describe_plan(source, output, settings, run))
-    else:
-        progress = Progress(as_json=args.json, quiet=args.quiet)
-        room.convert(source, output, settings, run, progress.on_event)
+        return
+    if args.report and args.null:
+        raise UsageError("a report needs the frames", remedy="Leave --null or --report out.")
+    progress = Progress(as_json=args.json, quiet=args.quiet)
+    room.convert(source, output, settings, run, progress.on_event)
+    if args.report:
+        from itmo_video.report.page import write_report
+
+        write_report(output, clip=source)
 
 
 def _info(args: argparse.Namespace) -> int:

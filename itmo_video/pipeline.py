@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import threading
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
+from concurrent.futures import FIRST_COMPLETED, FIRST_EXCEPTION, Future, ThreadPoolExecutor, wait
 from dataclasses import dataclass
 
 import cv2
@@ -134,12 +134,21 @@ def map_between(span: Span, analysed: Analysed, look: Look) -> Float32:
 
 
 def render_frames(
-    clip: Clip, wanted: Sequence[int], look: Look, jobs: int, sink: Sink
+    clip: Clip,
+    wanted: Sequence[int],
+    look: Look,
+    jobs: int,
+    sink: Sink,
+    on_planned: Callable[[Sequence[int]], None] = lambda indices: None,
+    on_stop: Callable[[], None] = lambda: None,
 ) -> list[DamagedInputError]:
     """Render the wanted indices (sorted) and hand each to `sink`, called from worker threads.
 
-    Memory is bounded by jobs and the span's length, whatever the clip's. Returns what cut the
-    source short; raises what a worker or the decoder raised, after the running spans ended.
+    `on_planned` is told, in presentation order, the indices of each span before it is begun: who
+    wants the frames in order knows by it what to wait for. `on_stop` is called when a worker or the
+    decoder has failed, before the workers still running are waited for. Memory is bounded by jobs
+    and the span's length, whatever the clip's. Returns what cut the source short; raises what a
+    worker or the decoder raised, after the running spans ended.
     """
     ended: list[DamagedInputError] = []
     stop = threading.Event()
@@ -158,11 +167,14 @@ def render_frames(
                     finished, pending = wait(pending, return_when=FIRST_COMPLETED)
                     for future in finished:
                         future.result()
+                on_planned([a.index for a in span.frames if a.index in run.wanted])
                 pending.add(pool.submit(render_span, span, run.wanted, look, sink, stop))
-        for future in pending:
+        # A sink may make the others wait for a frame that will not come: the first failure counts.
+        for future in wait(pending, return_when=FIRST_EXCEPTION).done:
             future.result()
     except BaseException:
         stop.set()
+        on_stop()
         raise
     finally:
         pool.shutdown(wait=True, cancel_futures=True)

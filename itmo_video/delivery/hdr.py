@@ -1,0 +1,269 @@
+"""From linear HDR to 10-bit PQ or HLG codes, and the light levels that HDR10 metadata states.
+
+Pure: arrays in, arrays out. Planes are (height, width); linear light is in nits (cd/m2).
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal, TypeAlias, cast
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from itmo_video import colour
+from itmo_video.model import Float32, Float64, Half
+
+Curve = Literal["pq", "hlg"]
+Chroma = Literal["420", "422"]
+Codes10: TypeAlias = npt.NDArray[np.uint16]
+YCbCr: TypeAlias = tuple[Codes10, Codes10, Codes10]
+Planes: TypeAlias = tuple[Float32, Float32, Float32]
+
+# SMPTE ST 2084 / ITU-R BT.2100-2 table 4
+_M1, _M2 = 2610 / 16384, 2523 / 4096 * 128
+_C1, _C2, _C3 = 3424 / 4096, 2413 / 4096 * 32, 2392 / 4096 * 32
+PQ_PEAK_NITS = 10000.0
+# ITU-R BT.2100-2 table 5
+_HLG_A = 0.17883277
+_HLG_B = 1 - 4 * _HLG_A
+_HLG_C = 0.5 - _HLG_A * float(np.log(4 * _HLG_A))
+# cv2.pow is 20 times slower at 0
+_POWER_FLOOR = 1e-12
+_NOISE_TILE = 256
+_STRIP_ROWS = 32  # even; a strip's planes stay in a core's second-level cache: 3 times faster
+
+
+@dataclass(frozen=True)
+class Light:
+    """Light levels in nits: the largest and the mean of max(R, G, B) over one frame or a film's.
+
+    Of a frame, `peak` and `average`; of a film MaxCLL and MaxFALL (CTA-861.3, annex P).
+    """
+
+    peak: float
+    average: float
+
+    @property
+    def as_integers(self) -> tuple[int, int]:
+        """(MaxCLL, MaxFALL) as metadata holds them: whole nits, 1 to 65535 (0 means unknown)."""
+        cll, fall = (min(max(round(value), 1), 65535) for value in (self.peak, self.average))
+        return cll, fall
+
+
+def film_light(frames: Iterable[Light]) -> Light:
+    """MaxCLL and MaxFALL of a film from its frames' light; zeros for no frame at all."""
+    peak = average = 0.0
+    for light in frames:
+        peak, average = max(peak, light.peak), max(average, light.average)
+    return Light(peak, average)
+
+
+def frame_light(nits: Planes) -> Light:
+    """Light of one frame from its R, G, B in nits: maximum and mean of maxRGB (CTA-861.3)."""
+    largest = cv2.max(cv2.max(nits[0], nits[1]), nits[2])
+    return Light(float(cv2.minMaxLoc(largest)[1]), float(cv2.mean(largest)[0]))
+
+
+def to_nits_2020(
+    rgb: Sequence[Half | Float32], primaries: str, white_nits: float, peak_nits: float
+) -> Planes:
+    """Linear RGB, 1.0 = `white_nits`, as BT.2020 R, G, B in nits, limited to [0, `peak_nits`].
+
+    `primaries` are names of colour.CHROMATICITIES; three float32 planes of the input's shape.
+    """
+    planes = [cv2.multiply(plane, 1.0, dtype=cv2.CV_32F) for plane in rgb]
+    matrix = colour.rgb_to_rgb_matrix(primaries, "rec2020") * white_nits
+    out = []
+    for red, green, blue in matrix.tolist():
+        mixed = cv2.addWeighted(planes[0], red, planes[1], green, 0)
+        mixed = cv2.scaleAdd(planes[2], blue, mixed)
+        out.append(_shaped(cv2.min(cv2.max(mixed, 0.0), peak_nits), planes[0].shape))
+    return out[0], out[1], out[2]
+
+
+def pq_code(nits: Float64 | Float32) -> Float64:
+    """PQ's nonlinear value, 0 to 1, of light in nits, 0 to 10000 (ST 2084's inverse EOTF)."""
+    y = np.clip(np.asarray(nits, np.float64) / PQ_PEAK_NITS, 0, 1) ** _M1
+    return np.asarray(((_C1 + _C2 * y) / (1 + _C3 * y)) ** _M2, np.float64)
+
+
+def pq_nits(code: Float64 | Float32) -> Float64:
+    """Light in nits of PQ's nonlinear value, 0 to 1 (ST 2084's EOTF)."""
+    power = np.clip(np.asarray(code, np.float64), 0, 1) ** (1 / _M2)
+    return PQ_PEAK_NITS * (np.maximum(power - _C1, 0) / (_C2 - _C3 * power)) ** (1 / _M1)
+
+
+def hlg_gamma(peak_nits: float) -> float:
+    """System gamma of a display with this peak (BT.2100-2, table 5, notes 5e and 5f).
+
+    1.2 + 0.42 log10(peak / 1000) from 400 to 2000 nits, BT.2390's extended form outside.
+    """
+    if 400 <= peak_nits <= 2000:
+        return float(1.2 + 0.42 * np.log10(peak_nits / 1000))
+    return float(1.2 * 1.111 ** np.log2(peak_nits / 1000))
+
+
+def hlg_oetf(scene: Float64 | Float32) -> Float64:
+    """HLG's nonlinear value, 0 to 1, of scene light, 0 to 1 (BT.2100-2, table 5)."""
+    e = np.clip(np.asarray(scene, np.float64), 0, 1)
+    log = _HLG_A * np.log(np.maximum(12 * e - _HLG_B, 1e-9)) + _HLG_C
+    return np.asarray(np.where(e <= 1 / 12, np.sqrt(3 * e), log), np.float64)
+
+
+def hlg_nits(rgb_code: Float64, peak_nits: float) -> Float64:
+    """Light in nits of HLG R'G'B' (3, ...): inverse OETF, then OOTF of a display with this peak."""
+    x = np.clip(np.asarray(rgb_code, np.float64), 0, 1)
+    scene = np.where(x <= 0.5, x * x / 3, (np.exp((x - _HLG_C) / _HLG_A) + _HLG_B) / 12)
+    weights = np.array(colour.luminance_weights("rec2020"))
+    y = np.tensordot(weights, scene, 1)
+    return np.asarray(
+        peak_nits * scene * np.maximum(y, 1e-12) ** (hlg_gamma(peak_nits) - 1), np.float64
+    )
+
+
+def encode_nits(nits: Planes, curve: Curve, peak_nits: float) -> Planes:
+    """Nonlinear R'G'B', 0 to 1, of BT.2020 R, G, B in nits; `peak_nits` matters to HLG only.
+
+    Fast: the curve is looked up by the bits of a half float, which is 20 times finer than a 10-bit
+    PQ step.
+    """
+    if curve == "hlg":
+        nits = _hlg_scene(nits, peak_nits)
+    out = [cv2.LUT(_half_bits(plane), _curve_table(curve)) for plane in nits]
+    return _three(out, nits[0].shape)
+
+
+def to_ycbcr10(
+    rgb_code: Planes,
+    matrix: Literal["bt709", "bt2020"],
+    chroma: Chroma,
+    frame_index: int,
+    first_row: int = 0,
+) -> YCbCr:
+    """10-bit limited-range Y'CbCr of nonlinear R'G'B'; the size must be even where it is halved.
+
+    Chroma is sited left (MPEG-2's way, H.273 type 0) and filtered by 1-2-1 across. Dithered before
+    rounding, by noise that depends on the frame's index and the place alone. A strip that begins at
+    an even `first_row` gives the same rows as the whole frame. BT.2100-2, tables 6 and 9.
+    """
+    kr, kb = colour.LUMINANCE_KR_KB[matrix]
+    red, green, blue = rgb_code
+    chroma_row = first_row // 2 if chroma == "420" else first_row
+    luma = cv2.scaleAdd(blue, kb, cv2.addWeighted(red, kr, green, 1 - kr - kb, 0))
+    cb = _subsampled(cv2.addWeighted(blue, 0.5 / (1 - kb), luma, -0.5 / (1 - kb), 0), chroma)
+    cr = _subsampled(cv2.addWeighted(red, 0.5 / (1 - kr), luma, -0.5 / (1 - kr), 0), chroma)
+    return (
+        _quantised(luma, 876, 64, frame_index, 0, first_row),
+        _quantised(cb, 896, 512, frame_index, 1, chroma_row),
+        _quantised(cr, 896, 512, frame_index, 2, chroma_row),
+    )
+
+
+def master_frame(
+    rgb: Sequence[Half | Float32],
+    primaries: str,
+    white_nits: float,
+    peak_nits: float,
+    curve: Curve,
+    chroma: Chroma,
+    frame_index: int,
+) -> tuple[YCbCr, Light]:
+    """Codes and light of one frame: `to_nits_2020`, `frame_light`, `encode_nits`, `to_ycbcr10`.
+
+    The same as those four by the frame, done strip by strip; odd sizes are padded to even ones.
+    """
+    height, width = rgb[0].shape
+    padded: tuple[Any, ...] = pad_even(rgb)
+    rows, columns = padded[0].shape
+    chroma_shape = (rows // 2 if chroma == "420" else rows, columns // 2)
+    out = tuple(np.empty(s, np.uint16) for s in ((rows, columns), chroma_shape, chroma_shape))
+    peak = total = 0.0
+    for top in range(0, rows, _STRIP_ROWS):
+        strip = [plane[top : top + _STRIP_ROWS] for plane in padded]
+        nits = to_nits_2020(strip, primaries, white_nits, peak_nits)
+        inside = (nits[0][: height - top, :width], nits[1][: height - top, :width],
+                  nits[2][: height - top, :width])  # fmt: skip
+        light = frame_light(inside)
+        peak, total = max(peak, light.peak), total + light.average * inside[0].shape[0]
+        codes = to_ycbcr10(encode_nits(nits, curve, peak_nits), "bt2020", chroma, frame_index, top)
+        for target, strip_codes in zip(out, codes, strict=True):
+            at = top * target.shape[0] // rows
+            target[at : at + strip_codes.shape[0]] = strip_codes
+    return (out[0], out[1], out[2]), Light(peak, total / height)
+
+
+def pad_even(planes: Sequence[Any], *, rows: bool = True) -> Any:
+    """The planes with their last column (and row) repeated where width (height) is odd."""
+    height, width = planes[0].shape
+    down, right = height % 2 if rows else 0, width % 2
+    if not (down or right):
+        return tuple(planes)
+    return tuple(
+        cv2.copyMakeBorder(plane, 0, down, 0, right, cv2.BORDER_REPLICATE) for plane in planes
+    )
+
+
+def _hlg_scene(nits: Planes, peak_nits: float) -> Planes:
+    """Scene light, 0 to 1, of display light: BT.2100's inverse OOTF, without black lift."""
+    r, g, b = colour.luminance_weights("rec2020")
+    y = cv2.scaleAdd(nits[2], b, cv2.addWeighted(nits[0], r, nits[1], g, 0))
+    y = cv2.max(cv2.multiply(y, 1 / peak_nits), _POWER_FLOOR)
+    gamma = hlg_gamma(peak_nits)
+    scale = cv2.multiply(cv2.pow(y, (1 - gamma) / gamma), 1 / peak_nits)
+    return _three([cv2.min(cv2.multiply(plane, scale), 1.0) for plane in nits], nits[0].shape)
+
+
+def _half_bits(plane: Float32) -> npt.NDArray[np.uint16]:
+    half = cv2.multiply(plane, 1.0, dtype=cv2.CV_16F).reshape(plane.shape)
+    return cast(npt.NDArray[np.uint16], half.view(np.uint16))
+
+
+@functools.lru_cache(maxsize=2)
+def _curve_table(curve: Curve) -> Float32:
+    """The curve for all 65536 bit patterns of a half float; negative ones and NaN give 0."""
+    halves = np.arange(65536, dtype=np.uint16).view(np.float16)
+    values = np.nan_to_num(halves.astype(np.float64), nan=0.0, posinf=65504.0, neginf=0.0)
+    code = pq_code(values) if curve == "pq" else hlg_oetf(values)
+    code[32768:] = code[0]
+    return code.astype(np.float32)
+
+
+def _subsampled(plane: Any, chroma: Chroma) -> Any:
+    if chroma == "420":
+        plane = cv2.addWeighted(plane[0::2], 0.5, plane[1::2], 0.5, 0)
+    around = cv2.copyMakeBorder(plane, 0, 0, 1, 1, cv2.BORDER_REPLICATE)
+    sides = cv2.addWeighted(around[:, 0:-2:2], 0.25, around[:, 2::2], 0.25, 0)
+    return cv2.scaleAdd(np.ascontiguousarray(plane[:, 0::2]), 0.5, sides)
+
+
+def _quantised(plane: Any, scale: float, offset: float, index: int, salt: int, row: int) -> Codes10:
+    height, width = plane.shape
+    noise = _noise(-(-height // _NOISE_TILE), -(-width // _NOISE_TILE))
+    # A window that moves from frame to frame: noise that stands still is seen as dirt.
+    x = (index * 97 + salt * 31) % _NOISE_TILE
+    y = (index * 57 + salt * 83 + row) % _NOISE_TILE
+    window = noise[y : y + height, x : x + width]
+    codes = cv2.scaleAdd(plane, scale, window)
+    codes = cv2.add(codes, offset)
+    # 0 to 3 and 1020 to 1023 are for synchronisation in 10-bit video.
+    return np.asarray(cv2.multiply(cv2.min(cv2.max(codes, 4.0), 1019.0), 1.0, dtype=cv2.CV_16U))
+
+
+@functools.lru_cache(maxsize=4)
+def _noise(rows: int, columns: int) -> Float32:
+    """Uniform noise of one code's width, which keeps the mean exactly; one tile more each way."""
+    tile = np.random.default_rng(20061130).uniform(-0.5, 0.5, (_NOISE_TILE, _NOISE_TILE))
+    return np.tile(tile.astype(np.float32), (rows + 1, columns + 1))
+
+
+def _shaped(plane: Any, shape: tuple[int, ...]) -> Float32:
+    return cast(Float32, np.asarray(plane, np.float32).reshape(shape))
+
+
+def _three(planes: Sequence[Any], shape: tuple[int, ...]) -> Planes:
+    red, green, blue = (_shaped(plane, shape) for plane in planes)
+    return red, green, blue

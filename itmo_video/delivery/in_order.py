@@ -1,0 +1,107 @@
+"""Frames made by several threads, handed on in presentation order with bounded memory."""
+
+from __future__ import annotations
+
+import threading
+from collections import deque
+from collections.abc import Callable, Iterator, Sequence
+from typing import Generic, TypeVar
+
+T = TypeVar("T")
+
+
+class Closed(Exception):  # noqa: N818 - not an error: the reader has left
+    """Nobody takes frames any more."""
+
+
+class InOrder(Generic[T]):
+    """A reorder buffer: `plan` says what comes in which order, `put` brings it, iteration takes it.
+
+    A thread that is more than `capacity` frames ahead of the reader waits in `put`. The thread that
+    holds the frame wanted next never does, so somebody always goes on.
+    """
+
+    def __init__(self, capacity: int) -> None:
+        self._capacity = capacity
+        self._changed = threading.Condition()
+        self._expected: deque[int] = deque()
+        self._ranks: dict[int, int] = {}
+        self._ready: dict[int, T] = {}
+        self._planned = self._taken = 0
+        self._finished = self._closed = False
+        self._error: BaseException | None = None
+
+    def plan(self, indices: Sequence[int]) -> None:
+        """Announce the next frames; must come before any of them is put."""
+        with self._changed:
+            for index in indices:
+                self._ranks[index] = self._planned
+                self._planned += 1
+                self._expected.append(index)
+
+    def put(self, index: int, item: T) -> None:
+        """Bring a frame; waits while too far ahead, raises Closed once the reader has left."""
+        with self._changed:
+            rank = self._ranks[index]
+            self._changed.wait_for(lambda: self._closed or rank - self._taken < self._capacity)
+            if self._closed:
+                raise Closed
+            self._ready[index] = item
+            self._changed.notify_all()
+
+    def finish(self, error: BaseException | None = None) -> None:
+        """No more frames will come; the reader gets `error` after those that are in order."""
+        with self._changed:
+            self._finished, self._error = True, error
+            self._changed.notify_all()
+
+    def close(self) -> None:
+        """The reader leaves: whoever waits in `put` gets Closed."""
+        with self._changed:
+            self._closed = True
+            self._ready.clear()
+            self._changed.notify_all()
+
+    def __iter__(self) -> Iterator[T]:
+        while True:
+            with self._changed:
+                self._changed.wait_for(lambda: self._finished or self._next_is_ready())
+                if not self._next_is_ready():
+                    if self._error is not None:
+                        raise self._error
+                    return
+                index = self._expected.popleft()
+                del self._ranks[index]
+                item = self._ready.pop(index)
+                self._taken += 1
+                self._changed.notify_all()
+            yield item
+
+    def _next_is_ready(self) -> bool:
+        return bool(self._expected) and self._expected[0] in self._ready
+
+
+def run_in_order(make: Callable[[InOrder[T]], None], capacity: int) -> Iterator[T]:
+    """Yield in order what `make`, run in a thread of its own, plans and puts; raises what it does.
+
+    When the reader stops early `make` is told by Closed out of `put`, and waited for.
+    """
+    buffer: InOrder[T] = InOrder(capacity)
+
+    def run() -> None:
+        try:
+            make(buffer)
+        except Closed:
+            buffer.finish()
+        except BaseException as error:
+            buffer.finish(error)
+        else:
+            buffer.finish()
+
+    thread = threading.Thread(target=run, name="in-order")
+    thread.start()
+    try:
+        yield from buffer
+    finally:
+        buffer.close()
+        thread.join()

@@ -1,0 +1,271 @@
+"""The edge of delivery: a clip or a converted folder to a film or a still to look at.
+
+A film costs one rendering: workers render, measure and convert to codes, the calling thread encodes
+them in order, and MaxCLL and MaxFALL are completed in the finished file.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from math import gcd
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+from itmo_video import colour
+from itmo_video.conversion import Event, RunOptions
+from itmo_video.delivery import encode, hdr, sdr, stills
+from itmo_video.delivery.encode import Codec, FilmSpec, FilmWriter, YCbCr
+from itmo_video.delivery.hdr import Chroma, Light
+from itmo_video.delivery.metadata import Mastering
+from itmo_video.delivery.pictures import Picture, Pictures, from_clip, from_folder
+from itmo_video.errors import DamagedInputError, UsageError
+from itmo_video.exr import write_whole
+from itmo_video.settings import Settings
+
+View = Literal["hdr10", "hlg", "sdr", "compare", "false-colour", "ladder"]
+VIEWS: tuple[View, ...] = ("hdr10", "hlg", "sdr", "compare", "false-colour", "ladder")
+STILLS = (".avif", ".png", ".jpg", ".jpeg")
+
+
+@dataclass(frozen=True)
+class PreviewOptions:
+    """How a preview looks and is encoded; `frame` (a number as in file names) asks for a still."""
+
+    view: View = "hdr10"
+    codec: Codec = "av1"
+    chroma: Chroma | None = None
+    crf: float | None = None
+    speed: str | None = None
+    tone_map: str = "bt2390"
+    layout: sdr.Layout = "side"
+    wipe_at: float = 0.5
+    scale: sdr.Scale = "stops"
+    hdr_compare: bool = False
+    frame: int | None = None
+    clip: Path | None = None
+
+
+@dataclass(frozen=True)
+class PreviewSummary:
+    """What a preview is: frames, seconds it took, and the film's MaxCLL and MaxFALL in nits."""
+
+    frames: int
+    seconds: float
+    bytes_written: int
+    max_cll: float
+    max_fall: float
+
+
+@dataclass(frozen=True)
+class _Shot:
+    """One frame ready for the encoder."""
+
+    time_s: Fraction
+    planes: YCbCr
+    light: Light
+
+
+def preview(
+    source: str | Path,
+    output: str | Path,
+    settings: Settings | None = None,
+    run: RunOptions | None = None,
+    options: PreviewOptions | None = None,
+    on_event: Callable[[Event], None] = lambda event: None,
+) -> PreviewSummary:
+    """Make a film or a still of a clip, converted on the fly, or of a converted folder.
+
+    Raises the errors of itmo_video.errors, DamagedInputError only after all that decodes was
+    written. `on_event` gets dicts with "event": started, frame, finished.
+    """
+    options, run = options or PreviewOptions(), run or RunOptions()
+    source, output = Path(source), Path(output)
+    began = time.monotonic()
+    _check(output, options)
+    if options.frame is not None:
+        run = replace(run, frames=str(options.frame))
+    if source.is_dir():
+        pictures = from_folder(
+            source, options.clip if _wants_clip(options) else None, run, settings
+        )
+        pictures.clip = options.clip
+    else:
+        pictures = from_clip(source, settings or Settings(), run)
+    if options.view == "compare" and pictures.clip is None:
+        raise UsageError("compare needs the source", remedy="Say where it is: --source CLIP.")
+    on_event({"event": "started", "input": str(source), "output": str(output),
+              "frames": len(pictures.numbers), "present": 0})  # fmt: skip
+    if options.frame is not None:
+        frames, light = 1, _still(pictures, output, options)
+    else:
+        frames, light = _film(pictures, output, options, run, on_event)
+    summary = PreviewSummary(
+        frames, time.monotonic() - began, output.stat().st_size, light.peak, light.average
+    )
+    on_event({"event": "finished", "written": frames, "present": 0, "seconds": summary.seconds,
+              "bytes_written": summary.bytes_written, "max_cll": light.peak,
+              "max_fall": light.average})  # fmt: skip
+    if pictures.damage:
+        raise DamagedInputError(
+            "; ".join(pictures.damage), where=str(source), remedy=f"{frames} frames were shown."
+        )
+    return summary
+
+
+def _check(output: Path, options: PreviewOptions) -> None:
+    suffix = output.suffix.lower()
+    if (options.frame is not None) != (suffix in STILLS):
+        raise UsageError(
+            f"{output.name}: --frame N makes a still, without it a film is made",
+            remedy=f"Stills are named {', '.join(STILLS)}; films .mp4, .mov, .mkv.",
+        )
+    is_hdr = options.view in ("hdr10", "hlg")
+    if suffix == ".avif" and options.view != "hdr10":
+        raise UsageError("AVIF stills are PQ", remedy="Take --as hdr10, or name it .png or .jpg.")
+    if suffix in STILLS and options.view == "hlg":
+        raise UsageError("stills are PQ or SDR, not HLG", remedy="Take --as hdr10 or sdr.")
+    if suffix in (".jpg", ".jpeg") and is_hdr:
+        raise UsageError("JPEG cannot hold HDR", remedy="Take --as sdr, compare, false-colour, ...")
+    if options.tone_map not in sdr.TONE_MAPS:
+        raise UsageError(
+            f"unknown tone map {options.tone_map!r}", remedy=f"Known: {', '.join(sdr.TONE_MAPS)}"
+        )
+
+
+def _wants_clip(options: PreviewOptions) -> bool:
+    return options.view == "compare"
+
+
+def _signal(options: PreviewOptions) -> encode.Signal:
+    if options.view == "hdr10" or (options.view == "compare" and options.hdr_compare):
+        return "pq"
+    return "hlg" if options.view == "hlg" else "sdr"
+
+
+def _light_of(
+    picture: Picture, pictures: Pictures, options: PreviewOptions
+) -> tuple[Sequence[Any], str, float]:
+    """Linear planes, their primaries and the nits of 1.0; compare has the source beside."""
+    white = pictures.white_nits
+    if options.view != "compare":
+        return picture.rgb, pictures.primaries, white
+    assert picture.source is not None
+    source = sdr.source_picture(picture.source)
+    result = sdr.to_709(picture.rgb, pictures.primaries)
+    both = sdr.composed(source, result, options.layout, options.wipe_at)
+    return [np.ascontiguousarray(both[..., i]) for i in range(3)], "rec709", white
+
+
+def sdr_view(picture: Picture, pictures: Pictures, options: PreviewOptions) -> sdr.Picture:
+    """R'G'B' of a frame (H, W, 3) in [0, 1] for the views sdr, compare, false-colour and ladder."""
+    linear = sdr.to_709(picture.rgb, pictures.primaries)
+    peak = pictures.peak_nits / pictures.white_nits
+    if options.view == "false-colour":
+        return sdr.false_colour(linear, options.scale, pictures.white_nits, peak)
+    if options.view == "ladder":
+        return sdr.ladder(linear, peak)
+    result = sdr.tone_mapped(linear, options.tone_map, peak)
+    if options.view == "sdr":
+        return result
+    assert picture.source is not None
+    source = sdr.encoded(sdr.source_picture(picture.source))
+    return sdr.composed(source, result, options.layout, options.wipe_at)
+
+
+def _shot(picture: Picture, pictures: Pictures, options: PreviewOptions, chroma: Chroma) -> _Shot:
+    signal = _signal(options)
+    if signal == "sdr":
+        view = sdr_view(picture, pictures, options)
+        code: Any = tuple(np.ascontiguousarray(view[..., i]) for i in range(3))
+        even: Any = hdr.pad_even(code)
+        planes = hdr.to_ycbcr10(even, "bt709", chroma, picture.index)
+        return _Shot(picture.time_s, planes, Light(0.0, 0.0))
+    rgb, primaries, white = _light_of(picture, pictures, options)
+    curve: hdr.Curve = "pq" if signal == "pq" else "hlg"
+    planes, light = hdr.master_frame(
+        rgb, primaries, white, pictures.peak_nits, curve, chroma, picture.index
+    )
+    return _Shot(picture.time_s, planes, light)
+
+
+def _film(
+    pictures: Pictures,
+    output: Path,
+    options: PreviewOptions,
+    run: RunOptions,
+    on_event: Callable[[Event], None],
+) -> tuple[int, Light]:
+    chroma = options.chroma or encode.default_chroma(options.codec)
+    spec = FilmSpec(
+        2, 2, pictures.frame_rate, _time_base(pictures), pictures.pixel_aspect, _signal(options),
+        options.codec, chroma, pictures.peak_nits, options.crf, options.speed,
+    )  # fmt: skip
+    encode.check_film(output, spec)
+    shots = pictures.mapped(lambda picture: _shot(picture, pictures, options, chroma))
+    lights: list[Light] = []
+    try:
+        first = next(shots, None)
+        if first is None:
+            raise DamagedInputError("no frame could be made", where=str(pictures.clip))
+        height, width = first.planes[0].shape
+        spec = replace(spec, width=width, height=height)
+        start = first.time_s if run.frames is not None else None
+        with FilmWriter(output, spec, pictures.clip, start) as writer:
+            for shot, length in _with_durations(first, shots):
+                writer.write(shot.planes, shot.time_s, length)
+                lights.append(shot.light)
+                on_event({"event": "frame", "number": pictures.numbers[len(lights) - 1],
+                          "done": len(lights), "of": len(pictures.numbers)})  # fmt: skip
+            light = hdr.film_light(lights)
+            writer.finish(light)
+    finally:
+        shots.close()  # type: ignore[attr-defined]
+    return len(lights), light
+
+
+def _with_durations(
+    first: _Shot, others: Iterator[_Shot]
+) -> Iterator[tuple[_Shot, Fraction | None]]:
+    """Each shot with the time until the next; None for the last."""
+    shot = first
+    for following in others:
+        yield shot, following.time_s - shot.time_s
+        shot = following
+    yield shot, None
+
+
+def _time_base(pictures: Pictures) -> Fraction:
+    """The source's unit of time where it is known, so that its stamps stay exact."""
+    if pictures.clip is not None:
+        return encode.source_time_base(pictures.clip)
+    rate = pictures.frame_rate.numerator
+    common = rate * 90000 // gcd(rate, 90000)
+    return Fraction(1, common if common < 2**31 else 90000)
+
+
+def _still(pictures: Pictures, output: Path, options: PreviewOptions) -> Light:
+    def make(picture: Picture) -> tuple[bytes, Light]:
+        if _signal(options) == "sdr":
+            view = sdr_view(picture, pictures, options)
+            return stills.sdr_still(view, output.suffix.lower()), Light(0.0, 0.0)
+        rgb, primaries, white = _light_of(picture, pictures, options)
+        if output.suffix.lower() == ".png":
+            nits = hdr.to_nits_2020(rgb, primaries, white, pictures.peak_nits)
+            code, light = hdr.encode_nits(nits, "pq", pictures.peak_nits), hdr.frame_light(nits)
+            mastering = Mastering(colour.CHROMATICITIES["p3d65"], pictures.peak_nits)
+            return stills.png_pq(code, mastering, light), light
+        planes, light = hdr.master_frame(
+            rgb, primaries, white, pictures.peak_nits, "pq", "420", picture.index
+        )
+        return encode.encode_avif(planes, options.crf if options.crf is not None else 12), light
+
+    made = next(pictures.mapped(make), None)
+    if made is None:
+        raise DamagedInputError(f"frame {options.frame} does not decode")
+    write_whole(output, made[0])
+    return made[1]

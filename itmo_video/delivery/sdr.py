@@ -1,0 +1,211 @@
+"""HDR pictures for SDR monitors: tone-mapped back, as false colour, exposures, side by side.
+
+Pure: linear light in, 1.0 = SDR white; pictures out are nonlinear R'G'B' in [0, 1], float32
+(height, width, 3), BT.709 primaries.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable, Sequence
+from typing import Any, Literal
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from itmo_video import colour
+from itmo_video.delivery import hdr
+from itmo_video.model import Float32, Frame, Half
+
+Picture = npt.NDArray[np.float32]
+Scale = Literal["stops", "nits"]
+Layout = Literal["side", "wipe"]
+
+_GAMMA = 1 / 2.4  # SDR monitors are BT.1886
+_WEIGHTS = (0.2126, 0.7152, 0.0722)
+LEGEND_ROWS_MIN = 24
+
+
+def reinhard(level: Float32, peak: float) -> Float32:
+    """Reinhard et al. 2002, eq. 4: white at `peak`, 1 at most."""
+    return np.asarray(level * (1 + level / peak**2) / (1 + level), np.float32)
+
+
+def hable(level: Float32, peak: float) -> Float32:
+    """J. Hable's filmic curve (Uncharted 2, GDC 2010), scaled so that `peak` is 1."""
+
+    def curve(x: Any) -> Any:
+        a, b, c, d, e, f = 0.15, 0.50, 0.10, 0.20, 0.02, 0.30
+        return (x * (a * x + c * b) + d * e) / (x * (a * x + b) + d * f) - e / f
+
+    return np.asarray(curve(2 * level) / curve(2 * peak), np.float32)
+
+
+def aces(level: Float32, peak: float) -> Float32:
+    """K. Narkowicz's fit of the ACES output curve (2015); it knows no peak."""
+    x = 0.6 * level
+    return np.asarray(
+        np.clip(x * (2.51 * x + 0.03) / (x * (2.43 * x + 0.59) + 0.14), 0, 1), np.float32
+    )
+
+
+def bt2390(level: Float32, peak: float) -> Float32:
+    """ITU-R BT.2390-10's EETF, 5.4.1: a knee in PQ, linear below it; 203 nits to 1."""
+    top, target = (
+        float(hdr.pq_code(np.array(nits))) for nits in (203.0 * max(peak, 1.0001), 203.0)
+    )
+    e1 = hdr.pq_code(level * 203.0) / top
+    largest = target / top
+    knee = 1.5 * largest - 0.5
+    t = np.clip((e1 - knee) / max(1 - knee, 1e-9), 0, 1)
+    spline = (
+        (2 * t**3 - 3 * t**2 + 1) * knee
+        + (t**3 - 2 * t**2 + t) * (1 - knee)
+        + (-2 * t**3 + 3 * t**2) * largest
+    )
+    e2 = np.where(e1 < knee, e1, spline)
+    return np.asarray(hdr.pq_nits(e2 * top) / 203.0, np.float32)
+
+
+def clip(level: Float32, peak: float) -> Float32:
+    """What an SDR monitor shows: all above white is white."""
+    return np.minimum(level, np.float32(1))
+
+
+TONE_MAPS: dict[str, Callable[[Float32, float], Float32]] = {
+    "bt2390": bt2390,
+    "reinhard": reinhard,
+    "hable": hable,
+    "aces": aces,
+    "clip": clip,
+}
+
+
+def to_709(rgb: Sequence[Half | Float32], primaries: str) -> Picture:
+    """Linear RGB planes in any primaries as one (H, W, 3) float32 picture in BT.709, 0 at least."""
+    picture = np.dstack([np.asarray(plane, np.float32) for plane in rgb])
+    if primaries != "rec709":
+        matrix = colour.rgb_to_rgb_matrix(primaries, "rec709")
+        picture = np.asarray(cv2.transform(picture, matrix.astype(np.float32)), np.float32)
+    return np.maximum(picture, np.float32(0))
+
+
+def tone_mapped(linear: Picture, name: str, peak: float) -> Picture:
+    """R'G'B' of a picture brought into SDR: the curve on max(R, G, B), so hue is kept."""
+    level = linear.max(axis=2)
+    table = _tone_table(name, peak)
+    factor = cv2.LUT(np.minimum(level, 65504).astype(np.float16).view(np.uint16), table)
+    return encoded(linear * np.asarray(factor, np.float32).reshape(*level.shape, 1))
+
+
+def encoded(linear: Picture) -> Picture:
+    """R'G'B' for a BT.1886 monitor of linear light, clipped to [0, 1]."""
+    return np.asarray(np.clip(linear, 1e-9, 1) ** np.float32(_GAMMA), np.float32)
+
+
+def source_picture(frame: Frame) -> Picture:
+    """A source frame as linear (H, W, 3) light in BT.709."""
+    return to_709(colour.to_rgb_linear(frame, clip=True), frame.encoding.primaries)
+
+
+def composed(source: Picture, result: Picture, layout: Layout, wipe_at: float = 0.5) -> Picture:
+    """Source and result next to each other, or the source left of `wipe_at` (0 to 1) of the two."""
+    if layout == "side":
+        return np.concatenate([source, result], axis=1)
+    column = round(wipe_at * source.shape[1])
+    out = result.copy()
+    out[:, :column] = source[:, :column]
+    out[:, max(0, column - 1) : column + 1] = 1.0
+    return out
+
+
+def ladder(linear: Picture, peak: float) -> Picture:
+    """Three exposures of R'G'B', each at half size: as SDR shows it, and down to `peak` in two.
+
+    The last shows the peak as white, so that all highlights can be told apart.
+    """
+    height, width = linear.shape[:2]
+    size = (max(2, width // 2), max(2, height // 2))
+    small = np.asarray(cv2.resize(linear, size, interpolation=cv2.INTER_AREA), np.float32)
+    stops = float(np.log2(max(peak, 1.0)))
+    shown = [
+        _labelled(encoded(small * np.float32(2.0**-down)), f"{-down or 0:.1f} stops")
+        for down in (0.0, stops / 2, stops)
+    ]
+    return np.concatenate(shown, axis=1)
+
+
+def false_colour(linear: Picture, scale: Scale, white_nits: float, peak: float) -> Picture:
+    """Luminance as colours that colour-blind people tell apart (cividis), one step a stop.
+
+    A legend stands below the picture: in stops about SDR white, or in nits.
+    """
+    luminance = linear @ np.array(_WEIGHTS, np.float32)
+    low, high = false_colour_range(peak)
+    stops = np.log2(np.maximum(luminance, 2.0 ** (low - 1)))
+    level = np.clip((np.floor(stops * 2) / 2 - low) / (high - low), 0, 1)
+    colours = _cividis(level)
+    return np.concatenate(
+        [colours, _legend(linear.shape[1], linear.shape[0], scale, white_nits, peak)]
+    )
+
+
+def false_colour_range(peak: float) -> tuple[int, int]:
+    """Lowest and highest stop shown, relative to SDR white."""
+    return -8, max(1, int(np.ceil(np.log2(max(peak, 1.0)))))
+
+
+def _cividis(level: Any) -> Picture:
+    codes = np.asarray(np.round(level * 255), np.uint8)
+    bgr = cv2.applyColorMap(np.ascontiguousarray(codes), cv2.COLORMAP_CIVIDIS)
+    return np.ascontiguousarray(bgr[..., ::-1]).astype(np.float32) / np.float32(255)
+
+
+def _legend(width: int, height: int, scale: Scale, white_nits: float, peak: float) -> Picture:
+    rows = max(LEGEND_ROWS_MIN, height // 14)
+    low, high = false_colour_range(peak)
+    at = low + (np.arange(width) + 0.5) / width * (high - low)
+    bar = _cividis(np.broadcast_to((np.floor(at * 2) / 2 - low) / (high - low), (rows, width)))
+    text_scale = rows / 56
+    every = max(1, int(np.ceil((high - low) * 200 * text_scale / max(width, 1))))
+    for stop in range(low, high, every):
+        x = int((stop - low) / (high - low) * width) + 2
+        text = f"{stop:+d}" if scale == "stops" else f"{white_nits * 2.0**stop:.3g}"
+        if stop == low:
+            text += f" {scale}"
+        ink = (0.0, 0.0, 0.0) if (stop - low) / (high - low) > 0.5 else (1.0, 1.0, 1.0)
+        bar[:, max(0, x - 2) : x - 1] = ink
+        _write(bar, text, (x, int(rows * 0.68)), text_scale, ink)
+    return bar
+
+
+def _labelled(picture: Picture, text: str) -> Picture:
+    scale = max(0.35, picture.shape[0] / 700)
+    at = (int(8 * scale), picture.shape[0] - int(12 * scale))
+    _write(picture, text, (at[0] + 1, at[1] + 1), scale, (0, 0, 0))
+    _write(picture, text, at, scale, (1, 1, 1))
+    return picture
+
+
+def _write(
+    picture: Picture,
+    text: str,
+    at: tuple[int, int],
+    scale: float,
+    ink: tuple[float, ...],
+) -> None:
+    # OpenCV writes on 8-bit pictures only, so it writes a mask.
+    mask = np.zeros(picture.shape[:2], np.uint8)
+    cv2.putText(mask, text, at, cv2.FONT_HERSHEY_SIMPLEX, scale, 255, 1, cv2.LINE_AA)
+    cover = mask[..., None] / np.float32(255)
+    picture += cover * (np.array(ink, np.float32) - picture)
+
+
+@functools.lru_cache(maxsize=8)
+def _tone_table(name: str, peak: float) -> Float32:
+    """Output over input level for all bit patterns of a half float."""
+    halves = np.arange(65536, dtype=np.uint16).view(np.float16).astype(np.float32)
+    level = np.nan_to_num(np.abs(halves), nan=0.0, posinf=65504.0)
+    level = np.maximum(level, np.float32(1e-7))
+    return np.asarray(np.minimum(TONE_MAPS[name](level, peak), 1) / level, np.float32)

@@ -1,0 +1,279 @@
+"""The edge of the report: a converted folder to one HTML file that needs nothing else."""
+
+from __future__ import annotations
+
+import base64
+import json
+from collections.abc import Callable, Sequence
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+
+from itmo_video import describe
+from itmo_video.conversion import Event, RunOptions, input_options
+from itmo_video.delivery import sdr
+from itmo_video.delivery.pictures import Picture, Pictures, from_folder
+from itmo_video.errors import DamagedInputError, UsageError
+from itmo_video.exr import write_whole
+from itmo_video.folder import Manifest, read_manifest
+from itmo_video.frame_ranges import format_ranges
+from itmo_video.reader import open_clip
+from itmo_video.report import embed, measure, plots
+from itmo_video.report.measure import FilmFacts, FrameFacts
+from itmo_video.settings import settings_from
+
+MAX_FRAMES = 24
+MAX_WIDTH = 640
+MAX_PICTURE_CHARACTERS = 13_500_000  # the page with its plots stays below 15 MB
+REPORT_NAME = "report.html"
+
+
+def write_report(
+    folder: str | Path,
+    output: str | Path | None = None,
+    clip: str | Path | None = None,
+    on_event: Callable[[Event], None] = lambda event: None,
+) -> Path:
+    """Write the page about a converted folder and return its path (FOLDER/report.html).
+
+    With the source `clip` it also compares with what was before. Raises InputError where there is
+    no conversion, UsageError where the extra "report" is missing.
+    """
+    _templates()  # a missing extra is told before the work
+    folder = Path(folder)
+    output = Path(output) if output is not None else folder / REPORT_NAME
+    manifest = read_manifest(folder)
+    settings = dict(manifest.settings) if manifest else {}
+    first = settings.pop("first_number", 1)
+    # l_white and l_max are resolved in it, and peak_nits may stand beside them.
+    converted = settings_from({**settings, "layers": tuple(_list(settings.get("layers")))})
+    pictures = from_folder(folder, Path(clip) if clip else None, RunOptions(), converted)
+    assert manifest is not None
+    on_event({"event": "started", "input": str(folder), "output": str(output),
+              "frames": len(pictures.numbers), "present": 0})  # fmt: skip
+    frames, embedded = _measured(pictures, converted.map_width, on_event)
+    facts = measure.film_facts(frames, converted.key_reach)
+    text = render_page(manifest, pictures, facts, embedded, _source_facts(clip, converted), first)
+    write_whole(output, text.encode("utf-8", "backslashreplace"))
+    return output
+
+
+def _measured(
+    pictures: Pictures, map_width: int, on_event: Callable[[Event], None]
+) -> tuple[list[FrameFacts], list[embed.Embedded]]:
+    numbers = pictures.numbers
+    count = min(MAX_FRAMES, len(numbers))
+    wanted = {numbers[round(i)] for i in np.linspace(0, len(numbers) - 1, count)}
+    peak = pictures.peak_nits / pictures.white_nits
+
+    def work(picture: Picture) -> tuple[FrameFacts, embed.Embedded | None]:
+        told = measure.measure(
+            picture, pictures.primaries, pictures.white_nits, pictures.peak_nits, map_width
+        )
+        if picture.number not in wanted:
+            return told, None
+        return told, embed.embed(picture, pictures.primaries, peak, MAX_WIDTH)
+
+    frames: list[FrameFacts] = []
+    shown: list[embed.Embedded] = []
+    for told, picture in pictures.mapped(work):
+        frames.append(told)
+        if picture is not None:
+            shown.append(picture)
+        on_event({"event": "frame", "number": told.number, "done": len(frames),
+                  "of": len(numbers)})  # fmt: skip
+    if not frames:
+        raise DamagedInputError("no frame of it can be read")
+    return frames, thinned(shown, MAX_PICTURE_CHARACTERS)
+
+
+def thinned(shown: Sequence[embed.Embedded], most: int) -> list[embed.Embedded]:
+    """Evenly fewer frames, so that they take `most` characters; at least one stays."""
+    count = len(shown)
+    while True:
+        kept = [shown[round(i)] for i in np.linspace(0, len(shown) - 1, count)]
+        if count <= 1 or sum(frame.length for frame in kept) <= most:
+            return kept
+        count -= 1
+
+
+def render_page(
+    manifest: Manifest,
+    pictures: Pictures,
+    facts: FilmFacts,
+    embedded: Sequence[embed.Embedded],
+    source_facts: Sequence[tuple[str, str]],
+    first_number: object,
+) -> str:
+    """The page as text; every name and value is escaped by the template engine."""
+    white, frames = pictures.white_nits, facts.frames
+    peak = pictures.peak_nits / white
+    low, high = sdr.false_colour_range(peak)
+    positions = {frame.number: i for i, frame in enumerate(frames)}
+    last = max(1, len(frames) - 1)
+    viewer = {
+        "frames": [
+            {"number": e.number, "index": e.index, "size": e.size, "hdr": e.hdr,
+             "source": e.source, "map": e.map} for e in embedded
+        ],
+        "positions": [positions[e.number] / last for e in embedded],
+        "left": plots.LEFT, "across": plots.WIDTH - plots.LEFT - plots.RIGHT,
+        "codes": embed.CODES, "lowest": embed.LOWEST_STOP, "highest": embed.highest_stop(peak),
+        "aspect": float(pictures.pixel_aspect), "falseLow": low, "falseHigh": high,
+        "ramp": _ramp(), "white": white, "width": MAX_WIDTH,
+        "has_source": any(e.source for e in embedded), "has_map": any(e.map for e in embedded),
+    }  # fmt: skip
+    shares = facts.histogram.tolist()
+    bars = plots.bars(shares, measure.LOWEST_STOP, measure.BINS_A_STOP)
+    return str(_templates().get_template("report.html.j2").render(
+        source_name=manifest.source_name, headline=_headline(pictures), viewer=viewer,
+        style=_raw("report.css"), script=_raw("report.js"), frame_count=len(frames),
+        white_nits=f"{white:g}", levels=_levels(facts), plots=_plots(facts), bars=bars,
+        tallest=f"{max(shares):.1%}", warnings=_warnings(facts, pictures, manifest, first_number),
+        facts=source_facts, settings=_settings_rows(manifest),
+    ))  # fmt: skip
+
+
+def _headline(pictures: Pictures) -> str:
+    width, height = pictures.size
+    return (
+        f"{len(pictures.numbers)} frames ({format_ranges(pictures.numbers)}), {width}x{height}, "
+        f"{float(pictures.frame_rate):g} frames a second, white {pictures.white_nits:g} nits, "
+        f"peak {pictures.peak_nits:g} nits"
+    )
+
+
+def _levels(facts: FilmFacts) -> list[tuple[str, str]]:
+    frames = facts.frames
+    mean = float(np.mean([frame.mean for frame in frames]))
+    return [
+        ("MaxCLL", f"{facts.light.peak:.1f} nits"),
+        ("MaxFALL", f"{facts.light.average:.1f} nits"),
+        ("Highest luminance", f"{max(frame.maximum for frame in frames):.1f} nits"),
+        ("Mean luminance", f"{mean:.2f} nits"),
+        ("Cuts", str(len(facts.cuts))),
+        ("Keyframes", str(len(facts.keys))),
+    ]
+
+
+def _plots(facts: FilmFacts) -> list[plots.Drawn]:
+    frames = facts.frames
+    numbers = [frame.number for frame in frames]
+    at = {frame.index: i for i, frame in enumerate(frames)}
+    cuts, keys = ([at[i] for i in indices if i in at] for indices in (facts.cuts, facts.keys))
+    light = [
+        plots.Line("maximum", [f.maximum for f in frames]),
+        plots.Line("99th percentile", [f.percentiles[3] for f in frames]),
+        plots.Line("90th percentile", [f.percentiles[2] for f in frames]),
+        plots.Line("average", [f.mean for f in frames]),
+        plots.Line("median", [f.percentiles[1] for f in frames]),
+        plots.Line("1st percentile", [f.percentiles[0] for f in frames]),
+    ]
+    out = [plots.Plot("Luminance", "nits", light, numbers, cuts, keys, is_log=True)]
+    if all(f.coverage is not None for f in frames):
+        coverage = [100 * (f.coverage or 0.0) for f in frames]
+        out.append(plots.Plot("Expand Map coverage", "% of the frame, by weight",
+                              [plots.Line("coverage", coverage)], numbers, cuts, keys))  # fmt: skip
+    if facts.map_flicker is not None:
+        line = plots.Line("map, change from the frame before", facts.map_flicker)
+        out.append(plots.Plot("Map flicker", "0 to 1", [line], numbers, cuts, keys))
+    if facts.gain_flicker is not None:
+        line = plots.Line("gain, change from the frame before", facts.gain_flicker)
+        out.append(plots.Plot("Gain flicker", "stops", [line], numbers, cuts, keys))
+    return [plots.draw(plot) for plot in out]
+
+
+def _warnings(
+    facts: FilmFacts, pictures: Pictures, manifest: Manifest, first_number: object
+) -> list[str]:
+    frames, out = facts.frames, list(pictures.damage)
+    numbers = [frame.number for frame in frames]
+    gaps = sorted(set(range(numbers[0], numbers[-1] + 1)) - set(numbers))
+    if gaps:
+        out.append(f"Frames {format_ranges(gaps)} are not in the folder.")
+    if broken := [f.number for f in frames if f.not_finite]:
+        out.append(f"Frames {format_ranges(broken)} hold values that are not finite.")
+    if clipped := [f.number for f in frames if f.at_peak > 0.02]:
+        out.append(
+            f"More than 2 % of the picture is at the peak in frames {format_ranges(clipped)}: "
+            "large areas clip there."
+        )
+    if facts.light.average > 400:
+        out.append(
+            f"MaxFALL is {facts.light.average:.0f} nits: televisions dim pictures above about 400."
+        )
+    if pictures.clip is None:
+        out.append(
+            f"The source was not given (report --source {manifest.source_name}), so there is no "
+            "before and after, and cuts are those seen in the result."
+        )
+    if not any("expand_map" in str(name) for name in _list(manifest.settings.get("layers"))):
+        out.append("The Expand Map was not stored (convert --layers expand_map).")
+    return out
+
+
+def _source_facts(clip: str | Path | None, settings: Any) -> list[tuple[str, str]]:
+    if clip is None:
+        return [("source", "not given to this report")]
+    with open_clip(clip, input_options(settings)) as opened:
+        told = describe.clip_facts(opened.info)
+    rows: list[tuple[str, str]] = []
+    for name, value in told.items():
+        if name != "path":
+            rows.append((str(name).replace("_", " "), _told(value)))
+    return rows
+
+
+def _settings_rows(manifest: Manifest) -> list[tuple[str, str]]:
+    return [(name.replace("_", "-"), _told(value)) for name, value in manifest.settings.items()]
+
+
+def _told(value: object) -> str:
+    if value is None or isinstance(value, bool):
+        return {None: "none", True: "yes", False: "no"}[value]
+    if isinstance(value, str):
+        return value
+    if isinstance(value, dict):
+        return ", ".join(f"{k} {_told(v)}" for k, v in value.items()) or "none"
+    if isinstance(value, list | tuple):
+        return ", ".join(_told(v) for v in value) or "none"
+    return f"{value:g}" if isinstance(value, float) else json.dumps(value, default=str)
+
+
+def _list(value: object) -> list[object]:
+    return list(value) if isinstance(value, list | tuple) else []
+
+
+def _ramp() -> str:
+    """RGB of 256 levels of cividis, base64."""
+    levels = np.arange(256, dtype=np.uint8)[None]
+    rgb = cv2.applyColorMap(levels, cv2.COLORMAP_CIVIDIS)[0, :, ::-1]
+    return base64.b64encode(np.ascontiguousarray(rgb).tobytes()).decode()
+
+
+def _raw(name: str) -> Any:
+    """Our own style or script, which is not escaped."""
+    from markupsafe import Markup
+
+    return Markup(
+        resources.files("itmo_video.report").joinpath("template", name).read_text("utf-8")
+    )
+
+
+def _templates() -> Any:
+    try:
+        import jinja2
+    except ImportError as error:
+        raise UsageError(
+            "reports need the template engine jinja2, which is not installed",
+            remedy="pip install 'itmo_video[report]'",
+        ) from error
+    return jinja2.Environment(
+        loader=jinja2.PackageLoader("itmo_video.report", "template"),
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+    )

@@ -1,0 +1,247 @@
+"""The report's page: its text, its figures, and how it behaves in a browser."""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+from clips import moving_scene, write_ffv1
+
+from itmo_video import make_settings
+from itmo_video.cli import main
+from itmo_video.conversion import RunOptions, convert
+from itmo_video.delivery.preview import PreviewOptions, preview
+from itmo_video.exr import read_exr
+from itmo_video.folder import MANIFEST_NAME
+from itmo_video.report import embed, page, plots
+
+HOSTILE = "<script>alert(1)<∕script>.mkv"  # file names cannot hold a plain slash
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
+WEIGHTS = (0.2126, 0.7152, 0.0722)
+FLAGS = [
+    "--headless", "--no-sandbox", "--disable-gpu", "--disable-background-networking",
+    "--disable-component-update", "--disable-sync", "--no-first-run",
+]  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def clip(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("clip")
+    frames = moving_scene(12, width=160, height=96, cuts=(7,))
+    return write_ffv1(folder / HOSTILE, [cv2.GaussianBlur(f, (0, 0), 1.5) for f in frames])
+
+
+@pytest.fixture(scope="module")
+def folder(clip: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Converted by the command line, with its report."""
+    out = tmp_path_factory.mktemp("report") / "out"
+    command = ["convert", str(clip), str(out), "--layers", "expand_map", "--report", "--quiet"]
+    assert main(command) == 0
+    return out
+
+
+def text_of(folder: Path) -> str:
+    return (folder / page.REPORT_NAME).read_text("utf-8")
+
+
+def test_codes_are_within_a_half_percent() -> None:
+    light = np.geomspace(2.0**-11.9, 60, 5000).astype(np.float32)
+    top = embed.highest_stop(60)
+    back = embed.light_of(embed.codes_of(light, top), top)
+    assert np.abs(back / light - 1).max() < 0.005, "read-outs would be off"
+    assert embed.light_of(embed.codes_of(np.zeros(1, np.float32), top), top)[0] == 0, "black"
+
+
+def test_page_is_whole_and_asks_for_nothing(folder: Path) -> None:
+    text = text_of(folder)
+    assert len(text.encode()) < 15e6
+    for word in ("http:", "https:", "//cdn", "url(", "@import", "<link", "src="):
+        assert word not in text, f"{word} could leave the page"
+    for section in ("Viewer", "Light levels", "Over time", "Histogram", "Settings and what was"):
+        assert section in text, f"{section} is missing"
+    assert "Expand Map coverage" in text
+    assert "Gain flicker" in text
+
+
+def test_a_hostile_name_stays_text(folder: Path) -> None:
+    text = text_of(folder)
+    assert "<script>alert" not in text, "the file's name runs"
+    assert "&lt;script&gt;alert(1)" in text
+
+
+def test_a_hostile_manifest_stays_text(folder: Path, tmp_path: Path) -> None:
+    """A manifest can hold what no file system takes: real slashes, and settings of any text."""
+    copy = tmp_path / "copy"
+    shutil.copytree(folder, copy)
+    manifest = json.loads((copy / MANIFEST_NAME).read_text())
+    manifest["source_name"] = "</script><script>alert(1)</script>.mp4"
+    (copy / MANIFEST_NAME).write_text(json.dumps(manifest))
+    text = page.write_report(copy).read_text("utf-8")
+    assert "<script>alert" not in text, "the name runs"
+    assert text.count("</script>") == 2, "the name ends a script"
+    assert "&lt;/script&gt;&lt;script&gt;alert(1)" in text
+
+
+def test_figures_are_the_exrs(folder: Path) -> None:
+    largest, average = 0.0, 0.0
+    matrix = np.array(
+        [[0.6274, 0.3293, 0.0433], [0.0691, 0.9195, 0.0114], [0.0164, 0.0880, 0.8956]]
+    )
+    for path in folder.glob("*.exr"):
+        channels = read_exr(path).channels
+        rgb = np.stack([channels[c].astype(np.float64) for c in "RGB"])
+        top = np.maximum(np.einsum("ij,jhw->ihw", matrix, rgb), 0).max(axis=0) * 203
+        largest, average = max(largest, top.max()), max(average, top.mean())
+    told = dict(re.findall(r"<dt>(\w+)</dt><dd>([\d.]+) nits", text_of(folder)))
+    assert float(told["MaxCLL"]) == pytest.approx(largest, rel=0.01)
+    assert float(told["MaxFALL"]) == pytest.approx(average, rel=0.01)
+    assert re.search(r"<dt>Cuts</dt><dd>1</dd>", text_of(folder)), "the cut at 7 is not marked"
+
+
+def test_report_without_source_says_what_is_missing(folder: Path, tmp_path: Path) -> None:
+    output = tmp_path / "page.html"
+    assert main(["report", str(folder), "--output", str(output), "--quiet"]) == 0
+    text = output.read_text("utf-8")
+    assert "The source was not given" in text
+    assert 'id="split"' not in text, "there is nothing to compare with"
+
+
+def test_missing_template_engine_is_told(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setitem(sys.modules, "jinja2", None)
+    assert main(["report", str(folder), "--quiet"]) == 2
+    assert "itmo_video[report]" in capsys.readouterr().err
+
+
+def test_too_many_pictures_are_thinned_evenly() -> None:
+    shown = [embed.Embedded(n, n, (1, 1), "x" * 100, None, None) for n in range(10)]
+    assert [e.number for e in page.thinned(shown, 500)] == [0, 2, 4, 7, 9]
+    assert len(page.thinned(shown, 1)) == 1
+
+
+def test_plots_stay_in_their_box() -> None:
+    line = plots.Line("x", [0.0, 5000.0, float("nan"), 1.0])
+    drawn = plots.draw(plots.Plot("t", "u", [line], [1, 2, 3, 4], is_log=True))
+    assert all(plots.TOP <= y <= plots.HEIGHT - plots.BOTTOM for y, _ in drawn.y_ticks)
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Any]:
+    if CHROMIUM is None:
+        pytest.skip("Chromium is not installed (apt-get install chromium)")
+    sync_api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+    with sync_api.sync_playwright() as play:
+        browser = play.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
+        yield browser
+        browser.close()
+
+
+@pytest.fixture
+def opened(browser: Any, folder: Path) -> Iterator[tuple[Any, list[str]]]:
+    told: list[str] = []
+    tab = browser.new_page(viewport={"width": 1200, "height": 900})
+    tab.on("console", lambda message: told.append(f"console: {message.text}"))
+    tab.on("pageerror", lambda error: told.append(f"error: {error}"))
+    tab.on("dialog", lambda dialog: told.append("dialog") or dialog.dismiss())
+    tab.on("request", lambda r: r.url.startswith(("file:", "data:")) or told.append(r.url))
+    tab.goto((folder / page.REPORT_NAME).as_uri())
+    tab.wait_for_selector("#screen[data-frame]")
+    yield tab, told
+    tab.close()
+
+
+def pixels(tab: Any) -> str:
+    return str(tab.evaluate("document.getElementById('screen').toDataURL()"))
+
+
+def move(tab: Any, control: str, value: float) -> None:
+    tab.evaluate(
+        "([id, v]) => { const e = document.getElementById(id); e.value = v;"
+        " e.dispatchEvent(new Event('input')); }",
+        [control, value],
+    )
+    tab.wait_for_timeout(150)
+
+
+def test_controls_change_the_picture(opened: tuple[Any, list[str]]) -> None:
+    tab, told = opened
+    seen = [pixels(tab)]
+    for control, value in (("frame", 5), ("exposure", -2), ("split", 10)):
+        move(tab, control, value)
+        seen.append(pixels(tab))
+    tab.check("input[value=false]")
+    seen.append(pixels(tab))
+    tab.check("#map")
+    seen.append(pixels(tab))
+    assert len(set(seen)) == len(seen), "a control changed nothing"
+    assert told == [], "the page complained or asked for something"
+
+
+def test_keyboard_is_enough(opened: tuple[Any, list[str]]) -> None:
+    tab, told = opened
+    tab.focus("#frame")
+    tab.keyboard.press("ArrowRight")
+    tab.wait_for_selector("#screen[data-frame='2']", timeout=5000)
+    tab.focus("#screen")
+    tab.keyboard.press("Shift+ArrowRight")
+    assert "nits" in tab.inner_text("#read-out"), "no read-out by keyboard"
+    assert told == []
+
+
+def test_read_out_is_the_exrs_value(opened: tuple[Any, list[str]], folder: Path) -> None:
+    tab, _ = opened
+    move(tab, "frame", 4)
+    number = int(tab.get_attribute("#screen", "data-frame"))
+    data = json.loads(tab.inner_text("#data"))
+    assert data["frames"][4]["number"] == number
+    channels = read_exr(next(folder.glob(f"*.{number:04d}.exr"))).channels
+    luminance = sum(w * channels[c].astype(np.float64) for c, w in zip("RGB", WEIGHTS, strict=True))
+    box = tab.query_selector("#screen").bounding_box()
+    for part_x, part_y in ((0.1, 0.2), (0.5, 0.5), (0.83, 0.31), (0.9, 0.95)):
+        tab.mouse.move(box["x"] + part_x * box["width"], box["y"] + part_y * box["height"])
+        output = tab.query_selector("#read-out")
+        x, y = (int(output.get_attribute(f"data-{axis}")) for axis in "xy")
+        nits = float(output.get_attribute("data-nits"))
+        assert nits == pytest.approx(203 * luminance[y, x], rel=0.03), f"read-out at {x}, {y}"
+
+
+def test_av1_hdr10_preview_plays(browser: Any, clip: Path, tmp_path: Path) -> None:
+    preview(clip, tmp_path / "film.mp4", make_settings(), options=PreviewOptions())
+    (tmp_path / "play.html").write_text("<video id=v muted src=film.mp4></video>")
+    tab = browser.new_page()
+    tab.goto((tmp_path / "play.html").as_uri())
+    frames = tab.evaluate(
+        """() => new Promise((done) => {
+          const v = document.getElementById('v');
+          let n = 0;
+          const count = () => { n += 1; v.requestVideoFrameCallback(count); };
+          v.requestVideoFrameCallback(count);
+          v.onended = () => done(n);
+          v.onerror = () => done(v.error.message);
+          setTimeout(() => done(n), 8000);
+          v.play().catch((e) => done(String(e)));
+        })"""
+    )
+    tab.close()
+    assert isinstance(frames, int), f"it does not play: {frames}"
+    assert frames >= 3, f"only {frames} frames were shown"
+
+
+def test_convert_without_frames_makes_no_report(clip: Path, tmp_path: Path) -> None:
+    command = ["convert", str(clip), str(tmp_path / "o"), "--null", "--report", "--quiet"]
+    assert main(command) == 2
+
+
+def test_a_gap_is_told(clip: Path, tmp_path: Path) -> None:
+    convert(clip, tmp_path / "o", make_settings(), RunOptions(frames="1-3,6-7"))
+    text = page.write_report(tmp_path / "o").read_text("utf-8")
+    assert "Frames 4-5 are not in the folder" in text
