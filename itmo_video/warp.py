@@ -28,10 +28,12 @@ def flow_px(here: Code, there: Code) -> Float32:
     """
     if min(here.shape) < 16:
         return np.zeros((*here.shape, 2), np.float32)
-    # One DIS object shared by threads crashes (facts.md), so each thread keeps its own.
-    dis = getattr(_local, "dis", None)
-    if dis is None:
-        dis = _local.dis = cv2.DISOpticalFlow.create(cv2.DISOPTICAL_FLOW_PRESET_FAST)
+    # One DIS object shared by threads crashes (facts.md), so each thread keeps its own. A small
+    # picture lowers an object's coarsest scale for good, so another size gets another object.
+    shape, dis = getattr(_local, "dis", (None, None))
+    if shape != here.shape or dis is None:
+        dis = cv2.DISOpticalFlow.create(cv2.DISOPTICAL_FLOW_PRESET_FAST)
+        _local.dis = (here.shape, dis)
     flow = np.asarray(dis.calc(here, there, None), np.float32)
     return guard_still(here, there, flow)
 
