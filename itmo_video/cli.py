@@ -315,9 +315,9 @@ def _presets(args: argparse.Namespace) -> int:
 
 
 def _operators(args: argparse.Namespace) -> int:
-    from itmo_video.operators import OPERATORS
+    from itmo_video.operators import all_operators
 
-    for operator in OPERATORS.values():
+    for operator in all_operators().values():
         print(f"{operator.name}: {operator.summary}\n    {operator.source}")
         for name, p in operator.parameters.items():
             print(f"    {name} = {p.default:g} ({p.lower:g} to {p.upper:g}): {p.help}")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -18,6 +18,7 @@ from itmo_video.operators import (
     Context,
     Operator,
     find_operator,
+    frame_stats,
     geometric_mean,
     resolve_params,
 )
@@ -84,21 +85,50 @@ def frame_luminance(frame: Frame) -> Float32:
 
 
 def make_key_map(frame: Frame, look: Look) -> Float32:
-    """A frame's own Expand Map at analysis size (sections 2.2 and 2.3), (H, W) in [0, 1]."""
+    """A frame's own map at analysis size, (H, W) in [0, 1].
+
+    The Expand Map of sections 2.2 and 2.3, or the operator's own.
+    """
     settings = look.settings
     width, height = analysis_size(*frame.size, settings.map_width)
     luminance = frame_luminance(frame)
+    make_map = look.operator.make_map
+    context = None if make_map is None else _context(luminance, look)
     if luminance.shape != (height, width):
         luminance = cv2.resize(luminance, (width, height), interpolation=cv2.INTER_AREA)
         luminance = np.clip(luminance, 0, 1).reshape(height, width)
     if settings.projection == "latlong":
         row_weight = np.cos(((np.arange(height) + 0.5) / height - 0.5) * np.pi)
+        if make_map is not None and context is not None:
+            return make_map(
+                luminance, replace(context, density=lambda y: _density(y, row_weight, settings))
+            )
         return _density(luminance, row_weight, settings)
     edge = find_bars(luminance)
     inner = (slice(edge.top, height - edge.bottom), slice(edge.left, width - edge.right))
     key_map = np.zeros((height, width), np.float32)
-    key_map[inner] = _density(luminance[inner], None, settings)
+    if make_map is not None and context is not None:
+        context = replace(context, density=lambda y: _density(y, None, settings))
+        key_map[inner] = make_map(np.ascontiguousarray(luminance[inner]), context)
+    else:
+        key_map[inner] = _density(luminance[inner], None, settings)
     return key_map
+
+
+def _context(luminance: Float32 | None, look: Look) -> Context:
+    """What the look's operator may know of a frame; its luminance only where it is asked for."""
+    settings, stats, mean = look.settings, None, None
+    if luminance is not None:
+        stats = frame_stats(luminance) if look.operator.needs_stats else None
+        mean = geometric_mean(luminance) if settings.alpha is not None else None
+    return Context(
+        settings.l_max_effective,
+        settings.l_white_effective,
+        look.params,
+        settings.alpha,
+        mean,
+        stats,
+    )
 
 
 def _density(luminance: Float32, row_weight: Float64 | None, settings: Settings) -> Float32:
@@ -123,10 +153,9 @@ def render(
     settings = look.settings
     clip = settings.over_white == "clip"
     width, height = frame.size
-    mean = geometric_mean(frame_luminance(frame)) if settings.alpha is not None else None
-    context = Context(
-        settings.l_max_effective, settings.l_white_effective, look.params, settings.alpha, mean
-    )
+    whole = settings.alpha is not None or look.operator.needs_stats
+    context = _context(frame_luminance(frame) if whole else None, look)
+    base = np.float32(1 if look.operator.base is None else look.operator.base(context))
     matrix = None
     if settings.primaries != frame.encoding.primaries:
         matrix = colour.rgb_to_rgb_matrix(frame.encoding.primaries, settings.primaries)
@@ -153,9 +182,9 @@ def render(
         gain = look.operator.gain(luminance, context)
         weight = None if weights is None else weights.rows(rows, codes)
         if weight is not None:
-            gain -= np.float32(1)
+            gain -= base
             gain *= weight
-            gain += np.float32(1)
+            gain += base
         _fill_layers(layers, rows, rgb, gain, weight)
         if alpha is not None:
             gain = gain * alpha[rows]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -11,6 +13,7 @@ from itmo_video.errors import UsageError
 from itmo_video.operators import (
     OPERATORS,
     Context,
+    FrameStats,
     find_operator,
     geometric_mean,
     resolve_params,
@@ -18,11 +21,19 @@ from itmo_video.operators import (
 from itmo_video.settings import Settings
 
 RAMP = np.linspace(0, 1, 4097, dtype=np.float32)
+STATS = FrameStats(0.0, 1.0, 0.1, 0.5, 0.01, 0.8)
+HAS_ITS_OWN_PEAK = {"bt2446c", "ward1994"}  # absolute: L'max only limits them
 
 
-def context(name: str, l_max: float = 20, l_white: float | None = None) -> Context:
-    params = resolve_params(OPERATORS[name], {})
-    return Context(l_max, l_white if l_white is not None else l_max, params)
+def context(name: str, l_max: float = 20, l_white: float | None = None, **given: float) -> Context:
+    params = resolve_params(OPERATORS[name], given)
+    return Context(l_max, l_white if l_white is not None else l_max, params, stats=STATS)
+
+
+def curve(name: str, luminance: Any, l_max: float = 20, **given: float) -> Any:
+    function = OPERATORS[name].curve
+    assert function is not None, f"{name} has no float64 reference"
+    return function(np.asarray(luminance, np.float64), context(name, l_max, **given))
 
 
 @pytest.mark.parametrize("name", sorted(OPERATORS))
@@ -31,13 +42,37 @@ def test_white_becomes_l_max_and_nothing_is_infinite(name: str, l_max: float) ->
     gain = OPERATORS[name].gain(RAMP, context(name, l_max))
     assert gain.dtype == np.float32
     assert np.isfinite(gain).all(), f"{name} is infinite somewhere"
-    assert gain[-1] == pytest.approx(l_max, rel=1e-5)
+    assert gain.min() >= 0, f"{name} makes light negative"
+    if name in HAS_ITS_OWN_PEAK:
+        assert (gain * RAMP).max() <= l_max * (1 + 1e-5), f"{name} passes the maximum"
+    else:
+        assert gain[-1] == pytest.approx(l_max, rel=1e-5), f"{name} does not end at the maximum"
 
 
 @pytest.mark.parametrize("name", sorted(OPERATORS))
-def test_expansion_is_monotone(name: str) -> None:
-    expanded = OPERATORS[name].gain(RAMP, context(name)) * RAMP
-    assert (np.diff(expanded) > 0).all(), f"{name} maps a brighter pixel to a darker one"
+@pytest.mark.parametrize("l_max", [4.93, 20.0, 1000.0])
+def test_expansion_is_monotone(name: str, l_max: float) -> None:
+    expanded = curve(name, np.linspace(0, 1, 4097), l_max)
+    assert expanded[0] == pytest.approx(0, abs=1e-9), f"{name} lifts black"
+    rises = np.diff(expanded[expanded < l_max * (1 - 1e-12)]) > 0
+    assert rises.all(), f"{name} maps a brighter pixel to a darker one"
+    assert (np.diff(OPERATORS[name].gain(RAMP, context(name, l_max)) * RAMP) >= 0).all()
+
+
+@pytest.mark.parametrize("name", sorted(OPERATORS))
+@pytest.mark.parametrize("l_max", [1.0, 4.93, 200.0])
+def test_float32_gains_agree_with_the_float64_curves(name: str, l_max: float) -> None:
+    luminance = RAMP[RAMP > 1e-3]
+    got = OPERATORS[name].gain(luminance, context(name, l_max)) * luminance.astype(np.float64)
+    np.testing.assert_allclose(got, curve(name, luminance, l_max), rtol=2e-5, err_msg=name)
+
+
+@pytest.mark.parametrize("name", sorted(OPERATORS))
+def test_a_gain_is_a_new_array(name: str) -> None:
+    luminance = RAMP.copy()
+    gain = OPERATORS[name].gain(luminance, context(name))
+    gain *= 0
+    assert (luminance == RAMP).all(), f"{name} hands out its input, which rendering overwrites"
 
 
 @given(st.floats(0.001, 1.0), st.floats(1.0, 500.0), st.floats(0.5, 500.0))

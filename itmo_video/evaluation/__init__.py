@@ -1,0 +1,1 @@
+"""How well a conversion agrees with the truth, and how much it flickers."""

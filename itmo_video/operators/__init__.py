@@ -1,0 +1,38 @@
+"""Inverse tone mapping operators as gains: expanded luminance over display luminance.
+
+An operator is a pure function of luminance in [0, 1] and a context; it has no state between
+frames. Eq. 3 keeps the hue by multiplying all three channels by the same ratio L_w / L_d, so that
+ratio is what an operator returns: it stays finite where L_d is 0, and no division by zero occurs.
+"""
+
+from itmo_video.operators.base import (
+    LUMINANCE_WEIGHTS,
+    Context,
+    FrameStats,
+    Operator,
+    Parameter,
+    frame_stats,
+    gain_of,
+    geometric_mean,
+)
+from itmo_video.operators.registry import (
+    OPERATORS,
+    all_operators,
+    find_operator,
+    resolve_params,
+)
+
+__all__ = [
+    "LUMINANCE_WEIGHTS",
+    "OPERATORS",
+    "Context",
+    "FrameStats",
+    "Operator",
+    "Parameter",
+    "all_operators",
+    "find_operator",
+    "frame_stats",
+    "gain_of",
+    "geometric_mean",
+    "resolve_params",
+]

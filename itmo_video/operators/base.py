@@ -1,0 +1,154 @@
+"""What an operator is, what it may know of a frame, and the pieces that several share."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any, TypeAlias
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from itmo_video.model import Float32
+
+Floats: TypeAlias = npt.NDArray[np.floating[Any]]
+
+LUMINANCE_WEIGHTS = (0.213, 0.715, 0.072)  # eq. 1
+DELTA = 1e-3  # eq. 5; reproduces Table 1's Memorial to 1 %
+FLOOR = 1e-6  # luminance below which a gain is taken as that of FLOOR: no 0 / 0 at black
+OVER_CODE = 254 / 255  # Masia 2017 counts codes from 254 up as over-exposed
+_GAMMA = 2.4  # BT.1886, where a publication's thresholds are codes of 0 to 255
+
+
+@dataclass(frozen=True)
+class FrameStats:
+    """Statistics of one frame's luminance, in [0, 1]; made only for operators that need them.
+
+    `key` is Akyuz and Reinhard's (2006), from the 1st and 99th percentiles; `over_share` the share
+    of over-exposed pixels, 0 to 1; `diffuse_white` the largest local mean (Meylan 2006).
+    """
+
+    minimum: float
+    maximum: float
+    geometric_mean: float
+    key: float
+    over_share: float
+    diffuse_white: float
+
+
+@dataclass(frozen=True)
+class Context:
+    """What an operator may know: maxima in units of SDR white, and its own parameters.
+
+    `alpha` and `geometric_mean` (eq. 5, of the frame) are set only where the user gave alpha;
+    `stats` only where the operator needs them; `density`, which makes the paper's Expand Map of a
+    luminance picture by the settings at hand, only for an operator that makes its own map.
+    """
+
+    l_max: float
+    l_white: float
+    params: Mapping[str, float] = field(default_factory=dict)
+    alpha: float | None = None
+    geometric_mean: float | None = None
+    stats: FrameStats | None = None
+    density: Callable[[Float32], Float32] | None = None
+
+    @property
+    def scale(self) -> float | None:
+        """L_mean / alpha of eqs. 4 and 9, or None where eq. 13 makes the mean cancel."""
+        if self.alpha is None:
+            return None
+        if self.geometric_mean is None:
+            raise ValueError("alpha is set, so the frame's geometric mean is needed")
+        return self.geometric_mean / self.alpha
+
+    @property
+    def frame(self) -> FrameStats:
+        """The frame's statistics; ValueError where the operator did not ask for them."""
+        if self.stats is None:
+            raise ValueError("this operator needs the frame's statistics (needs_stats)")
+        return self.stats
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """An operator's own parameter: its default, bounds and meaning."""
+
+    default: float
+    lower: float
+    upper: float
+    help: str
+
+
+Curve: TypeAlias = Callable[[Floats, Context], Floats]
+Gain: TypeAlias = Callable[[Float32, Context], Float32]
+
+
+@dataclass(frozen=True)
+class Operator:
+    """A named operator: its gain, where it was published, and what it takes.
+
+    `gain(luminance, context)` takes float32 in [0, 1] and returns a new float32 array of the same
+    shape; `curve` is the same as expanded luminance, in whatever float type it is given: the
+    readable form that tests hold the gain against in float64. `uses_map` tells whether a map
+    weighs the result; `make_map(luminance, context)` makes one, float32 (H, W) in [0, 1], in place
+    of the Expand Map from luminance at analysis size; where the map is 0 the gain is `base` (1).
+    """
+
+    name: str
+    summary: str
+    source: str
+    gain: Gain
+    parameters: Mapping[str, Parameter] = field(default_factory=dict)
+    uses_map: bool = True
+    uses_alpha: bool = False
+    needs_stats: bool = False
+    curve: Curve | None = None
+    make_map: Callable[[Float32, Context], Float32] | None = None
+    base: Callable[[Context], float] | None = None
+
+
+def gain_of(curve: Curve) -> Gain:
+    """The gain of a curve: expanded over display luminance, that of FLOOR below FLOOR."""
+
+    def gain(luminance: Float32, context: Context) -> Float32:
+        above = np.maximum(luminance, np.float32(FLOOR))
+        return np.asarray(curve(above, context) / above, np.float32)
+
+    return gain
+
+
+def geometric_mean(luminance: Float32, delta: float = DELTA) -> float:
+    """Eq. 5: exp of the mean of log(delta + L_w) over the frame; luminance is linear."""
+    return float(np.exp(np.mean(np.log(delta + luminance.astype(np.float64)))))
+
+
+def light_of_code(code: float) -> float:
+    """Linear luminance of a grey code in [0, 1], BT.1886."""
+    return float(code**_GAMMA)
+
+
+def code_of_light(luminance: Float32) -> Float32:
+    """Grey code in [0, 1] of linear luminance, BT.1886: where publications filter codes."""
+    return np.asarray(np.power(luminance, np.float32(1 / _GAMMA)), np.float32)
+
+
+def frame_stats(luminance: Float32) -> FrameStats:
+    """Statistics of a frame's linear luminance, float32 (H, W) in [0, 1]."""
+    height, width = luminance.shape
+    low, high = np.percentile(luminance[:: max(1, height // 270), :: max(1, width // 480)], (1, 99))
+    low, high = max(float(low), FLOOR), max(float(high), 2 * FLOOR)
+    mean = geometric_mean(luminance, FLOOR)
+    span = np.log(high / low)
+    key = np.log(mean / low) / span if span > 1e-6 else 0.5
+    side = max(1, round(max(height, width) / 50))  # Meylan 2006: a fiftieth of the picture
+    local = cv2.blur(luminance, (side, side), borderType=cv2.BORDER_REPLICATE)
+    return FrameStats(
+        minimum=float(luminance.min()),
+        maximum=float(luminance.max()),
+        geometric_mean=mean,
+        key=float(np.clip(key, 0, 1)),
+        over_share=float(np.mean(luminance >= light_of_code(OVER_CODE))),
+        diffuse_white=float(np.max(local)),
+    )

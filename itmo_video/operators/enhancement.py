@@ -1,0 +1,111 @@
+"""Linear stretching with a brightness enhancement around what clips: Rempel, and after him others.
+
+Both stretch the picture to L'max / alpha and multiply by 1 to alpha where a map tells that clipped
+light is near. The map is the operator's own and is carried by the keyframes.
+"""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+from itmo_video.model import Float32
+from itmo_video.operators.base import Context, Floats, Operator, Parameter, code_of_light
+from itmo_video.operators.bilateral_grid import cross_bilateral
+
+_WIDTH = 1920  # pixels; the publications' filter sizes are for HD pictures
+_GRADIENT = 0.05  # of codes: an edge that stops the enhancement
+_LEAST = 0.001  # of the blurred mask
+
+
+def gain_enhanced(luminance: Float32, context: Context) -> Float32:
+    """L'max: the gain where the map is 1."""
+    return np.full_like(luminance, context.l_max)
+
+
+def curve_enhanced(luminance: Floats, context: Context) -> Floats:
+    """L'max * L_d: what becomes of a pixel where the map is 1."""
+    return context.l_max * luminance
+
+
+def base_enhanced(context: Context) -> float:
+    """L'max / alpha: the gain where the map is 0."""
+    return context.l_max / context.params["alpha"]
+
+
+def map_rempel2007(luminance: Float32, context: Context) -> Float32:
+    """The blurred mask of clipped pixels, stopped at strong edges: float32 (H, W) in [0, 1].
+
+    The blur is a Gaussian of `sigma` pixels at HD. The edge stopping is a fill that starts from
+    the clipped pixels and goes on where gradients are weak; the publication runs it on a pyramid,
+    ours is on the analysis picture. It takes a pixel as clipped by its luminance, not by one of
+    its channels, as luminance is all that an operator is given.
+    """
+    code = code_of_light(luminance)
+    clipped = (code > context.params["clip_code"] / 255).astype(np.float32)
+    sigma_px = max(0.5, context.params["sigma"] * luminance.shape[1] / _WIDTH)
+    near = cv2.GaussianBlur(clipped, (0, 0), sigma_px, borderType=cv2.BORDER_REPLICATE)
+    dx = cv2.Sobel(code, cv2.CV_32F, 1, 0, ksize=5, scale=1 / 128)
+    dy = cv2.Sobel(code, cv2.CV_32F, 0, 1, ksize=5, scale=1 / 128)
+    open_ = (np.hypot(dx, dy) < _GRADIENT) & (near > _LEAST) | (clipped > 0)
+    count, labels = cv2.connectedComponents(open_.astype(np.uint8), connectivity=4)
+    reached = np.zeros(count, bool)
+    reached[labels[clipped > 0]] = True
+    reached[0] = False
+    filled = cv2.morphologyEx(
+        reached[labels].astype(np.float32), cv2.MORPH_OPEN, np.ones((3, 3), np.uint8)
+    )
+    soft = cv2.GaussianBlur(filled, (0, 0), 1, borderType=cv2.BORDER_REPLICATE)
+    return np.asarray(np.clip(near * soft, 0, 1), np.float32)
+
+
+def map_kovaleski2014(luminance: Float32, context: Context) -> Float32:
+    """The mask of clipped pixels, cross-bilaterally filtered along luminance codes (eq. 3).
+
+    Float32 (H, W) in [0, 1]; `sigma_space` pixels at HD, `sigma_range` in codes of 0 to 255. As in
+    `map_rempel2007` a pixel clips by its luminance.
+    """
+    code = code_of_light(luminance)
+    clipped = (code > context.params["clip_code"] / 255).astype(np.float32)
+    sigma_px = max(1.0, context.params["sigma_space"] * luminance.shape[1] / _WIDTH)
+    return cross_bilateral(clipped, code, sigma_px, context.params["sigma_range"] / 255)
+
+
+_ALPHA = Parameter(
+    4.0, 1.0, 100.0, "enhancement at most: the picture is stretched to maximum/alpha"
+)
+_CLIP = Parameter(230.0, 128.0, 254.0, "code above which a pixel is clipped (230 is for video)")
+
+OPERATORS = (
+    Operator(
+        "rempel2007",
+        "LDR2HDR: stretched, and enhanced near clipped areas up to strong edges",
+        "Rempel, Trentacoste, Seetzen, Young, Heidrich, Whitehead and Ward, Ldr2Hdr, ACM TOG "
+        "26(3) 2007",
+        gain_enhanced,
+        {
+            "alpha": _ALPHA,
+            "clip_code": _CLIP,
+            "sigma": Parameter(30.0, 1.0, 500.0, "of the blur, in pixels of an HD frame"),
+        },
+        curve=curve_enhanced,
+        make_map=map_rempel2007,
+        base=base_enhanced,
+    ),
+    Operator(
+        "kovaleski2014",
+        "stretched, and enhanced near clipped areas by a bilateral grid",
+        "Kovaleski and Oliveira, High-quality reverse tone mapping for a wide range of "
+        "exposures, SIBGRAPI 2014",
+        gain_enhanced,
+        {
+            "alpha": _ALPHA,
+            "clip_code": _CLIP,
+            "sigma_range": Parameter(25.0, 1.0, 255.0, "of luminance, in codes"),
+            "sigma_space": Parameter(150.0, 4.0, 1000.0, "in pixels of an HD frame"),
+        },
+        curve=curve_enhanced,
+        make_map=map_kovaleski2014,
+        base=base_enhanced,
+    ),
+)

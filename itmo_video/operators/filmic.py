@@ -1,0 +1,45 @@
+"""Hable's filmic curve, inverted."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from itmo_video.operators.base import Context, Floats, Operator, Parameter, gain_of
+
+A, B, C, D, E, F = 0.15, 0.50, 0.10, 0.20, 0.02, 0.30  # of Hable's article
+
+
+def forward(world: Floats, white: float) -> Floats:
+    """Display luminance f(x) / f(W), f(x) = (x (A x + C B) + D E) / (x (A x + B) + D F) - E / F."""
+    return _shoulder(world) / float(_shoulder(np.float64(white)))
+
+
+def _shoulder(x: Floats | np.float64) -> Floats:
+    return np.asarray((x * (A * x + C * B) + D * E) / (x * (A * x + B) + D * F) - E / F)
+
+
+def curve_filmic(luminance: Floats, context: Context) -> Floats:
+    """The root x of `forward`, a quadratic, times L'max / W.
+
+    (A - y A) x^2 + (C B - y B) x + D E - y D F = 0 with y = L_d f(W) + E / F.
+    """
+    white = context.params["white"]
+    shown = luminance * float(_shoulder(np.float64(white)))
+    y = shown + E / F
+    a, b, c = A * (1 - y), B * (C - y), D * F * shown  # c with its sign turned
+    root = np.sqrt(b * b + 4 * a * c)
+    # Of the two ways to write the root, the one that does not cancel.
+    x = np.where(b > 0, 2 * c / (np.abs(b) + root), (root - b) / (2 * a))
+    return np.asarray(x * (context.l_max / white))
+
+
+OPERATORS = (
+    Operator(
+        "filmic",
+        "inverse of a filmic curve: Hable's, with toe and shoulder",
+        "Hable, Filmic tonemapping operators, filmicworlds.com 2010 (Uncharted 2, GDC 2010)",
+        gain_of(curve_filmic),
+        {"white": Parameter(11.2, 1.0, 100.0, "W, the curve's luminance that becomes white")},
+        curve=curve_filmic,
+    ),
+)

@@ -1,0 +1,63 @@
+"""Huo et al. 2014: the retina's response, inverted, with local adaptation."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from itmo_video.model import Float32
+from itmo_video.operators.base import Context, Floats, Operator, Parameter
+from itmo_video.operators.bilateral_grid import cross_bilateral
+
+
+def adapted(local: Floats | float, context: Context) -> Floats:
+    """(L_s^n + sigma^n)^(1/n), with sigma the frame's geometric mean, both relative to L'max."""
+    n, sigma = context.params["n"], context.frame.geometric_mean
+    return np.asarray((np.asarray(local) ** n + sigma**n) ** (1 / n))
+
+
+def gain_huo2014(luminance: Float32, context: Context) -> Float32:
+    """L'max over the frame's maximum: the gain where all around is white.
+
+    Departs from the publication in its scale: L'max times `adapted(1)` would be passed there.
+    """
+    return np.full_like(luminance, context.l_max / max(context.frame.maximum, 1e-3))
+
+
+def curve_huo2014(luminance: Floats, context: Context) -> Floats:
+    """L_d * L'max / L_max: what becomes of a pixel amid white."""
+    return luminance * (context.l_max / max(context.frame.maximum, 1e-3))
+
+
+def base_huo2014(context: Context) -> float:
+    """The gain amid black: L'max / L_max * adapted(0) / adapted(1)."""
+    peak = context.l_max / max(context.frame.maximum, 1e-3)
+    return peak * float(adapted(0.0, context) / adapted(1.0, context))
+
+
+def map_huo2014(luminance: Float32, context: Context) -> Float32:
+    """Where `adapted` of local luminance lies from black (0) to white (1): float32 (H, W).
+
+    Local luminance is smoothed twice bilaterally, by 16 pixels and 0.3, then by 10 and 0.1. The
+    size of picture that these pixels are of is not given: ours are of the analysis picture.
+    """
+    local = cross_bilateral(luminance, luminance, 16.0, 0.3)
+    local = cross_bilateral(local, local, 10.0, 0.1)
+    low, high = adapted(0.0, context), adapted(1.0, context)
+    share = (adapted(local.astype(np.float64), context) - low) / (high - low)
+    return np.asarray(np.clip(share, 0, 1), np.float32)
+
+
+OPERATORS = (
+    Operator(
+        "huo2014",
+        "the retina's response inverted, adapted to the luminance around",
+        "Huo, Yang, Dong and Brost, Physiological inverse tone mapping based on retina response, "
+        "The Visual Computer 30, 2014",
+        gain_huo2014,
+        {"n": Parameter(0.86, 0.2, 2.0, "sensitivity of the response")},
+        needs_stats=True,
+        curve=curve_huo2014,
+        make_map=map_huo2014,
+        base=base_huo2014,
+    ),
+)

@@ -1,0 +1,40 @@
+"""Masia et al. 2017: a power whose exponent follows from the frame's statistics."""
+
+from __future__ import annotations
+
+import math
+
+from itmo_video.operators.base import Context, Floats, Operator, Parameter, gain_of
+
+
+def exponent(context: Context) -> float:
+    """Gamma = 2.4379 + 0.2319 ln L_H - 1.1228 k + 0.0085 p_ov (eq. 5), within bounds.
+
+    L_H is the geometric mean, k the key, p_ov the percentage of over-exposed pixels. Whether L_H
+    is of codes or of light is ambiguous: ours is of linear luminance. The regression may fall to 0
+    and below, where the picture would turn over: it is kept from `gamma_min` up.
+    """
+    frame = context.frame
+    gamma = 2.4379 + 0.2319 * math.log(frame.geometric_mean)
+    gamma += -1.1228 * frame.key + 0.0085 * 100 * frame.over_share
+    return min(max(gamma, context.params["gamma_min"]), 5.0)
+
+
+def curve_masia2017(luminance: Floats, context: Context) -> Floats:
+    """L'max * L_d^gamma."""
+    return context.l_max * luminance ** exponent(context)
+
+
+OPERATORS = (
+    Operator(
+        "masia2017",
+        "a power of luminance whose exponent follows from the frame's key and exposure",
+        "Masia, Serrano and Gutierrez, Dynamic range expansion based on image statistics, "
+        "Multimedia Tools and Applications 76, 2017",
+        gain_of(curve_masia2017),
+        {"gamma_min": Parameter(0.5, 0.1, 2.0, "the exponent is kept from falling below")},
+        uses_map=False,
+        needs_stats=True,
+        curve=curve_masia2017,
+    ),
+)

@@ -1,0 +1,79 @@
+"""The operators by name: every module beside this one that has OPERATORS, and users' own.
+
+A new operator is one file here. A user's own is an entry point of the group
+`itmo_video.operators` whose name is the operator's and which gives an Operator; it is loaded only
+when it is asked for, and does not replace one of ours.
+"""
+
+from __future__ import annotations
+
+import pkgutil
+from collections.abc import Mapping
+from importlib import import_module, metadata
+
+from itmo_video.errors import UsageError
+from itmo_video.operators.base import Operator
+from itmo_video.settings import Settings
+
+GROUP = "itmo_video.operators"
+
+
+def _built_in() -> dict[str, Operator]:
+    found: dict[str, Operator] = {}
+    package = __name__.rpartition(".")[0]
+    for module in pkgutil.iter_modules(import_module(package).__path__, f"{package}."):
+        if module.name != __name__:
+            for operator in getattr(import_module(module.name), "OPERATORS", ()):
+                found[operator.name] = operator
+    return dict(sorted(found.items()))
+
+
+OPERATORS: dict[str, Operator] = _built_in()
+
+
+def all_operators() -> dict[str, Operator]:
+    """Ours and the users', by name; raises UsageError for an entry point that does not load."""
+    users = {point.name for point in metadata.entry_points(group=GROUP)} - set(OPERATORS)
+    return OPERATORS | {name: _load(name) for name in sorted(users)}
+
+
+def find_operator(settings: Settings) -> Operator:
+    """The operator that the settings name; raises UsageError for unknown names and parameters."""
+    operator = OPERATORS.get(settings.operator)
+    if operator is None:
+        operator = _load(settings.operator)
+    if settings.alpha is not None and not operator.uses_alpha:
+        raise UsageError(f"operator {operator.name} does not use alpha")
+    return operator
+
+
+def _load(name: str) -> Operator:
+    points = metadata.entry_points(group=GROUP, name=name)
+    if not points:
+        raise UsageError(f"unknown operator {name!r}", remedy=f"Known: {', '.join(OPERATORS)}")
+    point = next(iter(points))
+    try:
+        operator = point.load()
+    except Exception as error:  # whatever a plug-in does wrong is told as its own
+        raise UsageError(
+            f"operator {name!r} cannot be loaded: {error}", where=point.value
+        ) from error
+    if not isinstance(operator, Operator):
+        raise UsageError(f"operator {name!r} is not an Operator", where=point.value)
+    return operator
+
+
+def resolve_params(operator: Operator, given: Mapping[str, float]) -> dict[str, float]:
+    """All parameters of an operator, defaults filled in; raises UsageError where out of bounds."""
+    params = {name: p.default for name, p in operator.parameters.items()}
+    for name, value in given.items():
+        spec = operator.parameters.get(name)
+        if spec is None:
+            known = ", ".join(operator.parameters) or "none"
+            raise UsageError(
+                f"operator {operator.name} has no parameter {name!r}", remedy=f"Known: {known}"
+            )
+        if not isinstance(value, int | float) or not spec.lower <= value <= spec.upper:
+            raise UsageError(f"{name} must be from {spec.lower:g} to {spec.upper:g}, not {value!r}")
+        params[name] = float(value)
+    return params
