@@ -18,6 +18,7 @@ from itmo_video.reader import Clip
 from itmo_video.render import Look, Rendered, analysis_grey, make_key_map, render
 
 Sink = Callable[[Frame, Rendered], None]
+LookAt = Callable[[int], Look]
 
 
 @dataclass(frozen=True)
@@ -110,13 +111,19 @@ def spans_of(
 
 
 def render_span(
-    span: Span, wanted: frozenset[int], look: Look, sink: Sink, stop: threading.Event
+    span: Span,
+    wanted: frozenset[int],
+    look: Look,
+    sink: Sink,
+    stop: threading.Event,
+    look_at: LookAt | None = None,
 ) -> None:
-    """Render the wanted frames of a span and hand each to the sink."""
+    """Render the wanted frames of a span and hand each to the sink; see render_frames."""
     for analysed in span.frames:
         if analysed.index in wanted and not stop.is_set():
             map_small = map_between(span, analysed, look) if look.needs_map else None
-            sink(analysed.frame, render(analysed.frame, map_small, look))
+            own = look_at(analysed.index) if look_at else look
+            sink(analysed.frame, render(analysed.frame, map_small, own))
 
 
 def map_between(span: Span, analysed: Analysed, look: Look) -> Float32:
@@ -131,9 +138,17 @@ def map_between(span: Span, analysed: Analysed, look: Look) -> Float32:
 
 
 def render_frames(
-    clip: Clip, wanted: Sequence[int], look: Look, jobs: int, sink: Sink
+    clip: Clip,
+    wanted: Sequence[int],
+    look: Look,
+    jobs: int,
+    sink: Sink,
+    look_at: LookAt | None = None,
 ) -> list[DamagedInputError]:
     """Render the wanted indices (sorted) and hand each to `sink`, called from worker threads.
+
+    `look_at` gives each index the look it is expanded with; keys and maps follow `look` all over
+    the clip, so that a shot's own settings do not reach the frames around it.
 
     Memory is bounded by jobs and the span's length, whatever the clip's. Returns what cut the
     source short; raises what a worker or the decoder raised, after the running spans ended.
@@ -155,7 +170,7 @@ def render_frames(
                     finished, pending = wait(pending, return_when=FIRST_COMPLETED)
                     for future in finished:
                         future.result()
-                pending.add(pool.submit(render_span, span, run.wanted, look, sink, stop))
+                pending.add(pool.submit(render_span, span, run.wanted, look, sink, stop, look_at))
         for future in pending:
             future.result()
     except BaseException:

@@ -167,6 +167,8 @@ def render(frame: Frame, map_small: Float32 | None, look: Look) -> Rendered:
             gain -= np.float32(1)
             gain *= weight[rows]
             gain += np.float32(1)
+        if settings.strength != 1:
+            gain = (gain - np.float32(1)) * np.float32(settings.strength) + np.float32(1)
         if gain_full is not None:
             gain_full[rows] = gain
         _write_strip([plane[rows] for plane in rgb], gain, matrix, [plane[rows] for plane in out])
