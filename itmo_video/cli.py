@@ -198,6 +198,10 @@ def _add_run_options(parser: argparse.ArgumentParser) -> None:
         "--max-pixels", type=_positive, default=2**27, metavar="N", help="a frame, at most"
     )
     group.add_argument(
+        "--scheduler", metavar="ADDRESS|local",
+        help="on a Dask cluster, or on one of --jobs processes here (extra `cluster`)",
+    )  # fmt: skip
+    group.add_argument(
         "--analysis", metavar="FILE.json", help="the file of `analyse`, with its shots as edited"
     )
     group.add_argument("--quiet", action="store_true", help="no progress and no notices")
@@ -253,8 +257,13 @@ def _convert(args: argparse.Namespace) -> int:
     if args.dry_run:
         print(room.describe_plan(args.input, args.output, settings, run))
         return 0
+    executor = None
+    if args.scheduler is not None:
+        from itmo_video.cluster import cluster_executor
+
+        executor = cluster_executor(args.scheduler)
     progress = Progress(as_json=args.json, quiet=args.quiet)
-    room.convert(args.input, args.output, settings, run, progress.on_event)
+    room.convert(args.input, args.output, settings, run, progress.on_event, executor)
     return 0
 
 

@@ -53,6 +53,12 @@ class AlreadyHdrError(ItmoError):
     exit_code = 6
 
 
+class ClusterError(ItmoError):
+    """A cluster's scheduler or workers cannot be reached, died or do not fit."""
+
+    exit_code = 1
+
+
 class CheckFailedError(ItmoError):
     """A check that was asked for (--verify, --fail-above) failed."""
 
