@@ -93,7 +93,7 @@ def make_chunk(chunk: Chunk) -> Outcome:
                 remedy="All workers must see it under this path; then run the same command again.",
             )
         # A chunk whose worker died is sent again: what that one had finished is not made anew.
-        todo = frames_to_make(plan, folder, chunk.run)
+        todo, _ = frames_to_make(plan, folder, chunk.run)
     summary = Summary(len(plan.numbers), len(plan.numbers) - len(todo))
     ended = render_job(Job(clip, plan, folder, chunk.run, todo), summary, lambda event: None)
     made = tuple(n for n in chunk.numbers if n not in set(summary.missing))

@@ -63,8 +63,9 @@ def convert(
     """Convert a clip to an EXR sequence OUTPUT/<stem>.%04d.exr; what is there already stays.
 
     Raises the errors of itmo_video.errors; DamagedInputError only after all that decodes was
-    written. `on_event` is called with dicts that have "event": started, frame, warning, finished;
-    frames come from worker threads, one at a time. `executor` renders elsewhere than here.
+    written, OutputError for single frames of other settings only after all else was. `on_event` is
+    called with dicts that have "event": started, frame, warning, finished; frames come from worker
+    threads, one at a time. `executor` renders elsewhere than here.
     """
     settings, run = settings or Settings(), run or RunOptions()
     began = time.monotonic()
@@ -73,14 +74,14 @@ def convert(
         folder = OutputFolder(output, plan.clip.stem)
         for notice in plan.clip.notices:
             on_event({"event": "warning", "message": notice})
-        todo = dict(plan.numbers)
+        todo, others = dict(plan.numbers), list[int]()
         if not run.null:
             folder.claim(plan.manifest, overwrite=run.overwrite, update=run.update)
             folder.sweep_temp_files()
-            todo = frames_to_make(plan, folder, run)
+            todo, others = frames_to_make(plan, folder, run)
             if short := _shortage(plan, folder, len(todo)):
                 on_event({"event": "warning", "message": short})
-        summary = Summary(len(plan.numbers), len(plan.numbers) - len(todo))
+        summary = Summary(len(plan.numbers), len(plan.numbers) - len(todo) - len(others))
         on_event(
             {"event": "started", "input": plan.clip.path, "output": str(output),
              "frames": summary.wanted, "present": summary.present}
@@ -92,22 +93,25 @@ def convert(
     on_event({"event": "finished", **dataclasses.asdict(summary)})
     if ended or summary.missing or summary.damaged:
         raise _damage(plan, summary, ended)
+    if others:
+        raise _other_settings(others, folder)
     return summary
 
 
-def frames_to_make(plan: Plan, folder: OutputFolder, run: RunOptions) -> dict[int, int]:
-    """The frames still to be made, by number; raises OutputError for another settings' frames."""
+def frames_to_make(
+    plan: Plan, folder: OutputFolder, run: RunOptions
+) -> tuple[dict[int, int], list[int]]:
+    """The frames still to be made, index by number, and the numbers of those to be left alone.
+
+    A frame is there if it opens whole with its fingerprint. Left alone are those that open whole
+    with another one, made with other settings, unless the run says to update or overwrite.
+    """
     if run.overwrite:
-        return dict(plan.numbers)
+        return dict(plan.numbers), []
     states = {n: folder.state(n, plan.fingerprint(n)) for n in plan.numbers}
-    others = [n for n, state in states.items() if state == "other"]
-    if others and not run.update:
-        raise OutputError(
-            f"frames {format_ranges(others)} were made with other settings",
-            where=str(folder.path),
-            remedy="--update makes them again; or choose another folder.",
-        )
-    return {n: i for n, i in plan.numbers.items() if states[n] != "whole"}
+    others = [] if run.update else [n for n, state in states.items() if state == "other"]
+    done = {n for n, state in states.items() if state == "whole"} | set(others)
+    return {n: i for n, i in plan.numbers.items() if n not in done}, others
 
 
 def render_job(job: Job, summary: Summary, on_event: OnEvent) -> list[DamagedInputError]:
@@ -145,6 +149,14 @@ def render_job(job: Job, summary: Summary, on_event: OnEvent) -> list[DamagedInp
     return ended
 
 
+def _other_settings(numbers: list[int], folder: OutputFolder) -> OutputError:
+    return OutputError(
+        f"frames {format_ranges(numbers)} were made with other settings",
+        where=str(folder.path),
+        remedy="--update makes them again; or choose another folder.",
+    )
+
+
 def _damage(plan: Plan, summary: Summary, ended: list[DamagedInputError]) -> DamagedInputError:
     told = [error.what for error in ended]
     if summary.missing:
@@ -171,7 +183,9 @@ def describe_plan(
         plan = make_plan(clip, make_look(settings), run)
     folder = OutputFolder(output, plan.clip.stem)
     folder.check(plan.manifest, overwrite=run.overwrite, update=run.update)
-    todo = plan.numbers if run.null else frames_to_make(plan, folder, run)
+    todo, others = (plan.numbers, []) if run.null else frames_to_make(plan, folder, run)
+    if others:
+        raise _other_settings(others, folder)
     width, height = plan.clip.display_size
     needed = 0 if run.null else len(todo) * plan.estimated_frame_bytes
     lines = [
