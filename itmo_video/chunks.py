@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import os
+import signal
 import socket
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
@@ -104,6 +105,14 @@ def make_chunk(chunk: Chunk) -> Outcome:
         summary.bytes_written,
         tuple(ended),
     )
+
+
+def dask_setup(worker: object) -> None:
+    """Dask calls it in worker processes that are started with this module as `preload`.
+
+    Ctrl-C in a terminal reaches all its processes: the one in front ends the others, in order.
+    """
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
 def _run_of(run: RunOptions, numbers: list[int], first_number: int) -> RunOptions:

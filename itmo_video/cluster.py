@@ -63,6 +63,7 @@ def _connected(address: str, job: Job) -> Iterator[Client]:
                 dashboard_address=None,
                 memory_limit=0,  # the pipeline bounds its own; a worker must not be killed for it
                 silence_logs=logging.ERROR,
+                preload="itmo_video.chunks",  # see its dask_setup
             ) as cluster,
             Client(cluster, set_as_default=False) as client,
         ):

@@ -16,7 +16,9 @@ COMMAND = (sys.executable, "-W", "error", "-m", "itmo_video.cli")
 ENVIRONMENT = {**os.environ, "PYTHONPATH": str(REPOSITORY)}
 
 
-def start(*args: object, command: Iterable[str] = COMMAND) -> subprocess.Popen[str]:
+def start(
+    *args: object, command: Iterable[str] = COMMAND, start_new_session: bool = False
+) -> subprocess.Popen[str]:
     """Start it; standard output and error are pipes of text."""
     return subprocess.Popen(
         [*command, *map(str, args)],
@@ -25,6 +27,7 @@ def start(*args: object, command: Iterable[str] = COMMAND) -> subprocess.Popen[s
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
+        start_new_session=start_new_session,
     )
 
 
