@@ -108,7 +108,7 @@ def frames_to_make(
     """
     if run.overwrite:
         return dict(plan.numbers), []
-    states = {n: folder.state(n, plan.fingerprint(n)) for n in plan.numbers}
+    states = folder.states({n: plan.fingerprint(n) for n in plan.numbers}, plan.jobs)
     others = [] if run.update else [n for n, state in states.items() if state == "other"]
     done = {n for n, state in states.items() if state == "whole"} | set(others)
     return {n: i for n, i in plan.numbers.items() if n not in done}, others
@@ -211,7 +211,7 @@ def verify(
     with open_clip(source, input_options(settings, run.max_pixels)) as clip:
         plan = make_plan(clip, make_look(settings), run)
     folder = OutputFolder(output, plan.clip.stem)
-    return folder.verify({n: plan.fingerprint(n) for n in plan.numbers})
+    return folder.verify({n: plan.fingerprint(n) for n in plan.numbers}, plan.jobs)
 
 
 def require_sound(faults: list[tuple[Path, str]]) -> None:

@@ -13,8 +13,10 @@ import os
 import re
 import shutil
 from collections.abc import Mapping
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import asdict, dataclass, fields
+from itertools import islice
 from pathlib import Path
 from typing import Literal
 
@@ -201,7 +203,18 @@ class OutputFolder:
             return "damaged" if os.path.exists(path) else "missing"
         return "whole" if image.fingerprint == fingerprint else "other"
 
-    def verify(self, fingerprints: Mapping[int, str]) -> list[tuple[Path, str]]:
+    def states(self, fingerprints: Mapping[int, str], jobs: int = 1) -> dict[int, FrameState]:
+        """Tell the `state` of each frame, looking at `jobs` of them at a time."""
+        states: dict[int, FrameState] = {}
+        numbers = iter(sorted(fingerprints))
+        with ThreadPoolExecutor(jobs, thread_name_prefix="look") as pool:
+            # In batches: a film has more frames than should wait in a pool, and Ctrl-C must work.
+            while batch := list(islice(numbers, 16 * jobs)):
+                found = pool.map(lambda n: self.state(n, fingerprints[n]), batch)
+                states.update(zip(batch, found, strict=True))
+        return states
+
+    def verify(self, fingerprints: Mapping[int, str], jobs: int = 1) -> list[tuple[Path, str]]:
         """Check frames by number against their fingerprints; return (path, problem) for each fault.
 
         The manifest is checked too. An empty list means that all is as it should be.
@@ -212,8 +225,7 @@ class OutputFolder:
                 faults.append((self.manifest_path, "missing"))
         except InputError as error:
             faults.append((self.manifest_path, error.what))
-        for number, fingerprint in sorted(fingerprints.items()):
-            state = self.state(number, fingerprint)
+        for number, state in self.states(fingerprints, jobs).items():
             if state != "whole":
                 faults.append((self.frame_path(number), _PROBLEMS[state]))
         return faults
