@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from itertools import islice
 from typing import TYPE_CHECKING, Any
 
@@ -69,6 +69,8 @@ def _connected(address: str, job: Job) -> Iterator[Client]:
         ):
             yield client
         return
+    # A scheduler that is lost is told in our two lines, not in a page of its own.
+    logging.getLogger("distributed.client").setLevel(logging.CRITICAL)
     try:
         client = Client(address, timeout=WAIT_S, set_as_default=False)
     except (OSError, ValueError) as error:
@@ -79,16 +81,14 @@ def _connected(address: str, job: Job) -> Iterator[Client]:
         try:
             client.wait_for_workers(1, timeout=WAIT_S)
         except TimeoutError as error:
-            raise ClusterError(
-                "the scheduler has no workers",
-                where=address,
-                remedy=f"Start `dask worker {address}`, then {AGAIN}",
-            ) from error
+            raise _no_workers(address) from error
         yield client
 
 
 def _run(client: Any, job: Job, summary: Summary, on_event: OnEvent) -> list[DamagedInputError]:
     from distributed import wait
+    from distributed.client import FutureCancelledError
+    from distributed.comm import CommClosedError
 
     chunks = cut_into_chunks(job, _threads(client))
     in_flight: set[Any] = set()
@@ -101,14 +101,31 @@ def _run(client: Any, job: Job, summary: Summary, on_event: OnEvent) -> list[Dam
                 in_flight.add(client.submit(make_chunk, chunk, pure=False))
             if not in_flight:
                 return list(ended.values())
-            done, in_flight = wait(in_flight, return_when="FIRST_COMPLETED")
+            try:
+                done, in_flight = wait(in_flight, timeout=WAIT_S, return_when="FIRST_COMPLETED")
+            except TimeoutError:
+                if not client.nthreads():  # else it would wait for ever
+                    raise _no_workers(client.scheduler.address) from None
+                continue
             for future in done:
                 outcome = _outcome(future)
                 _count(outcome, job, summary, on_event)
                 ended |= {str(error): error for error in outcome.ended}
+    except (FutureCancelledError, CommClosedError) as error:
+        raise ClusterError(
+            "the scheduler is gone or has forgotten the frames", remedy=f"Start it, then {AGAIN}"
+        ) from error
     finally:
-        if in_flight:
+        with suppress(CommClosedError, TimeoutError):
             client.cancel(list(in_flight))
+
+
+def _no_workers(address: str) -> ClusterError:
+    return ClusterError(
+        f"the scheduler has had no workers for {WAIT_S:g} s",
+        where=address,
+        remedy=f"Start `dask worker {address}`, then {AGAIN}",
+    )
 
 
 def _threads(client: Any) -> int:
@@ -117,7 +134,6 @@ def _threads(client: Any) -> int:
 
 def _outcome(future: Any) -> Outcome:
     from distributed import KilledWorker
-    from distributed.client import FutureCancelledError
 
     try:
         outcome = future.result()
@@ -125,10 +141,6 @@ def _outcome(future: Any) -> Outcome:
         raise ClusterError(
             "several workers died over the same frames",
             remedy=f"Look at their memory, then {AGAIN}",
-        ) from error
-    except (FutureCancelledError, ConnectionError) as error:
-        raise ClusterError(
-            "the scheduler is gone or has forgotten the frames", remedy=f"Start it, then {AGAIN}"
         ) from error
     except ImportError as error:
         raise ClusterError(

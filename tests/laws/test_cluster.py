@@ -223,6 +223,30 @@ def test_a_real_scheduler_and_workers(
 
 
 @needs_dask
+@pytest.mark.parametrize("lost", ["workers", "scheduler"])
+def test_a_lost_cluster_does_not_hang(
+    lost: str,
+    dask: tuple[str, list[subprocess.Popen[bytes]]],
+    clip: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    address, processes = dask
+    out = tmp_path / "out"
+    monkeypatch.setattr(cluster, "WAIT_S", 2)
+
+    def on_event(event: conversion.Event) -> None:
+        if event["event"] == "frame":
+            for process in processes[1:] if lost == "workers" else processes[:1]:
+                process.kill()
+
+    with pytest.raises(ClusterError, match="no workers|scheduler is gone") as caught:
+        convert(clip, out, SETTINGS, None, on_event, cluster.cluster_executor(address))
+    assert "same command again" in str(caught.value)
+    assert broken_frames(out) == []
+
+
+@needs_dask
 def test_nobody_answers(clip: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(cluster, "WAIT_S", 0.5)
     for address in ("tcp://127.0.0.1:9", "nonsense://"):
