@@ -6,7 +6,10 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from itmo_video.conversion import Plan, RunOptions, Summary, convert
+    from itmo_video.analysis import Analysis
+    from itmo_video.analysis_file import read_analysis
+    from itmo_video.clip_analysis import analyse
+    from itmo_video.conversion import Summary, convert
     from itmo_video.errors import (
         AlreadyHdrError,
         CheckFailedError,
@@ -18,11 +21,15 @@ if TYPE_CHECKING:
     )
     from itmo_video.exr import read_exr
     from itmo_video.model import ClipInfo, Encoding, Frame
+    from itmo_video.plan import Plan, RunOptions
     from itmo_video.reader import Clip, open_clip
     from itmo_video.settings import Settings, make_settings
 
 _ROOMS = {
-    "conversion": ("Plan", "RunOptions", "Summary", "convert"),
+    "clip_analysis": ("analyse",),
+    "analysis": ("Analysis",),
+    "analysis_file": ("read_analysis",),
+    "conversion": ("Summary", "convert"),
     "errors": (
         "AlreadyHdrError",
         "CheckFailedError",
@@ -34,6 +41,7 @@ _ROOMS = {
     ),
     "exr": ("read_exr",),
     "model": ("ClipInfo", "Encoding", "Frame"),
+    "plan": ("Plan", "RunOptions"),
     "reader": ("Clip", "open_clip"),
     "settings": ("Settings", "make_settings"),
 }
@@ -41,6 +49,7 @@ _HOMES = {name: room for room, names in _ROOMS.items() for name in names}
 
 __all__ = [
     "AlreadyHdrError",
+    "Analysis",
     "CheckFailedError",
     "Clip",
     "ClipInfo",
@@ -55,9 +64,11 @@ __all__ = [
     "Settings",
     "Summary",
     "UsageError",
+    "analyse",
     "convert",
     "make_settings",
     "open_clip",
+    "read_analysis",
     "read_exr",
 ]
 

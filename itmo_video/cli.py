@@ -20,7 +20,7 @@ from itmo_video.report.command import add_report
 from itmo_video.settings import Settings, flag_name, spec_of
 
 if TYPE_CHECKING:
-    from itmo_video.conversion import RunOptions
+    from itmo_video.plan import RunOptions
 
 EXAMPLES = """\
 examples:
@@ -118,6 +118,24 @@ def _parser() -> argparse.ArgumentParser:
 
     add_preview(commands, _add_settings, _settings)
     add_report(commands)
+    analyse = commands.add_parser(
+        "analyse",
+        help="cuts, keyframes, statistics, suggested settings and a list of shots to edit",
+        description="Look through a clip once. In the JSON that is written, each shot's peak_nits "
+        "or l_max, strength (0 to 1) and enabled may be edited; convert --analysis reads it.",
+    )
+    analyse.add_argument("input", metavar="INPUT", help="a clip")
+    analyse.add_argument(
+        "--output", metavar="FILE.json", help="where the JSON goes (default: standard output)"
+    )
+    analyse.add_argument(
+        "--start-number", type=int, default=1, metavar="N", help="of the first frame (1)"
+    )
+    analyse.add_argument("--max-pixels", type=_positive, default=2**27, metavar="N")
+    analyse.add_argument("--overwrite", action="store_true", help="replace FILE.json")
+    analyse.add_argument("--quiet", action="store_true", help="no notices")
+    _add_settings(analyse)
+    analyse.set_defaults(run=_analyse)
 
     info = commands.add_parser("info", help="what a clip says of itself and what will be assumed")
     info.add_argument("input", metavar="INPUT")
@@ -199,6 +217,13 @@ def _add_run_options(parser: argparse.ArgumentParser) -> None:
     group.add_argument(
         "--max-pixels", type=_positive, default=2**27, metavar="N", help="a frame, at most"
     )
+    group.add_argument(
+        "--scheduler", metavar="ADDRESS|local",
+        help="on a Dask cluster, or on one of --jobs processes here (extra `cluster`)",
+    )  # fmt: skip
+    group.add_argument(
+        "--analysis", metavar="FILE.json", help="the file of `analyse`, with its shots as edited"
+    )
     group.add_argument("--quiet", action="store_true", help="no progress and no notices")
     group.add_argument(
         "--json", action="store_true", help="one line of JSON an event on standard output"
@@ -235,14 +260,13 @@ def _parameter(text: str) -> tuple[str, float]:
 
 
 def _convert(args: argparse.Namespace) -> int:
-    from itmo_video import conversion as room
+    from itmo_video.analysis_file import read_analysis
+    from itmo_video.plan import RunOptions
 
     settings = _settings(args)
-    if args.start_number < 0:
-        raise UsageError(f"start-number must be 0 or more, not {args.start_number}")
-    run = room.RunOptions(
-        args.frames, args.start_number, args.jobs, args.overwrite, args.update, args.durable,
-        args.null, args.max_pixels,
+    run = RunOptions(
+        args.frames, _start_number(args), args.jobs, args.overwrite, args.update, args.durable,
+        args.null, args.max_pixels, read_analysis(args.analysis) if args.analysis else None,
     )  # fmt: skip
     code = 0
     for source, output in _outputs(args.inputs, args.output):
@@ -282,12 +306,33 @@ def _convert_one(
         return
     if args.report and args.null:
         raise UsageError("a report needs the frames", remedy="Leave --null or --report out.")
+    executor = None
+    if args.scheduler is not None:
+        from itmo_video.cluster import cluster_executor
+
+        executor = cluster_executor(args.scheduler)
     progress = Progress(as_json=args.json, quiet=args.quiet)
-    room.convert(source, output, settings, run, progress.on_event)
+    room.convert(source, output, settings, run, progress.on_event, executor)
     if args.report:
         from itmo_video.report.page import write_report
 
         write_report(output, clip=source)
+
+
+def _analyse(args: argparse.Namespace) -> int:
+    from itmo_video import analysis_report
+
+    analysis_report.analyse_to(
+        args.input, args.output, _settings(args), _start_number(args), args.max_pixels,
+        overwrite=args.overwrite, quiet=args.quiet,
+    )  # fmt: skip
+    return 0
+
+
+def _start_number(args: argparse.Namespace) -> int:
+    if args.start_number < 0:
+        raise UsageError(f"start-number must be 0 or more, not {args.start_number}")
+    return int(args.start_number)
 
 
 def _info(args: argparse.Namespace) -> int:

@@ -10,9 +10,17 @@ class ItmoError(Exception):
         self.what, self.where, self.remedy = what, where, remedy
         super().__init__(what, where, remedy)
 
+    def __reduce__(self) -> tuple[object, ...]:
+        # Worker processes send them; what is made anew from `args` would lack the names.
+        return _remake, (type(self), self.what, self.where, self.remedy)
+
     def __str__(self) -> str:
         first = f"{self.where}: {self.what}" if self.where else self.what
         return f"{first}\n{self.remedy}" if self.remedy else first
+
+
+def _remake(kind: type[ItmoError], what: str, where: str | None, remedy: str | None) -> ItmoError:
+    return kind(what, where=where, remedy=remedy)
 
 
 class UsageError(ItmoError):
@@ -43,6 +51,12 @@ class AlreadyHdrError(ItmoError):
     """Refused: the input is HDR already."""
 
     exit_code = 6
+
+
+class ClusterError(ItmoError):
+    """A cluster's scheduler or workers cannot be reached, died or do not fit."""
+
+    exit_code = 1
 
 
 class CheckFailedError(ItmoError):

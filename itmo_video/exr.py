@@ -7,31 +7,27 @@ last buffer does not fit on the disk, and says no more of a failure than a sente
 
 from __future__ import annotations
 
-import errno
-import functools
 import io
-import itertools
 import os
 import re
-import socket
-import struct
 import sys
 import threading
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, NamedTuple, TextIO, cast
+from typing import Any, TextIO, cast
 
 import numpy as np
 import numpy.typing as npt
 
-from itmo_video.errors import InputError, OutputError
+from itmo_video.atomic import StrPath, write_whole
+from itmo_video.errors import InputError
+from itmo_video.exr_chunks import DamageError, check_chunks, parse_header
 from itmo_video.model import Float32, Half
 
-StrPath = str | os.PathLike[str]
 Chromaticities = tuple[float, float, float, float, float, float, float, float]
 
 _CONSTANTS = {
@@ -50,9 +46,6 @@ _CONSTANTS = {
 COMPRESSION_NAMES = tuple(_CONSTANTS)
 AP0: Chromaticities = (0.7347, 0.2653, 0.0, 1.0, 0.0001, -0.077, 0.32168, 0.33767)
 
-# Lines in a chunk, by the number in the file's "compression" attribute; 0 where we do not know.
-_CHUNK_LINES = (1, 1, 1, 16, 32, 16, 32, 32, 32, 256, 256, 32, 0, 1)
-_PLAIN_FLAGS = 0x2 | 0x400  # version 2, scan lines in one part, perhaps with long names
 _NO_LAYERS: Mapping[str, Half | Float32] = MappingProxyType({})
 
 
@@ -132,13 +125,13 @@ def read_exr(path: StrPath) -> ExrImage:
 
     data = _read_bytes(path)
     try:
-        _check_chunks(data)
+        check_chunks(data)
         with _no_prints():
             file = OpenEXR.File(io.BytesIO(data), separate_channels=True, num_threads=0)
             # The constructor swallows damage and leaves a file without parts: channels() raises.
             channels = {name: channel.pixels for name, channel in file.channels().items()}
-    except (_DamageError, RuntimeError, ValueError, OSError, MemoryError) as error:
-        reason = str(error) if isinstance(error, _DamageError) else "its pixels do not decode"
+    except (DamageError, RuntimeError, ValueError, OSError, MemoryError) as error:
+        reason = str(error) if isinstance(error, DamageError) else "its pixels do not decode"
         raise InputError(
             f"not a whole EXR file: {reason}",
             where=os.fspath(path),
@@ -162,10 +155,10 @@ def read_fingerprint(path: StrPath) -> str | None:
         with open(path, "rb") as file:
             data = file.read(1 << 16)
             try:
-                attributes, _ = _parse_header(data)
-            except _DamageError:  # perhaps only longer than a first look
-                attributes, _ = _parse_header(data + file.read(1 << 24))
-    except (OSError, _DamageError):
+                attributes, _ = parse_header(data)
+            except DamageError:  # perhaps only longer than a first look
+                attributes, _ = parse_header(data + file.read(1 << 24))
+    except (OSError, DamageError):
         return None
     kind, value = attributes.get("itmoFingerprint", ("", b""))
     return value.decode("utf-8", "replace") if kind == "string" else None
@@ -245,10 +238,6 @@ def _timecode(text: str | None) -> Any:
 # Reading without noise: OpenEXR prints to standard output and error when a file is cut short.
 
 
-class _DamageError(Exception):
-    """Why a file cannot be whole."""
-
-
 def _read_bytes(path: StrPath) -> bytes:
     try:
         return Path(path).read_bytes()
@@ -258,56 +247,6 @@ def _read_bytes(path: StrPath) -> bytes:
             where=os.fspath(path),
             remedy="Check the name and the right to read it.",
         ) from error
-
-
-def _parse_header(data: bytes) -> tuple[dict[str, tuple[str, bytes]], int]:
-    """Return (type, value) of the first part's attributes by name, and where the header ends."""
-    if data[:4] != b"\x76\x2f\x31\x01":
-        raise _DamageError("empty" if not data else "no EXR file at all")
-    attributes: dict[str, tuple[str, bytes]] = {}
-    position = 8
-    try:
-        while data[position] != 0:
-            name_end = data.index(0, position)
-            type_end = data.index(0, name_end + 1)
-            start = type_end + 5
-            (size,) = struct.unpack_from("<i", data, type_end + 1)
-            if not 0 <= size <= len(data) - start:
-                raise _DamageError("cut short in its header")
-            name, kind = data[position:name_end], data[name_end + 1 : type_end]
-            attributes[name.decode("latin-1")] = kind.decode("latin-1"), data[start : start + size]
-            position = start + size
-    except (IndexError, ValueError, struct.error) as error:
-        raise _DamageError("cut short in its header") from error
-    return attributes, position + 1
-
-
-def _check_chunks(data: bytes) -> None:
-    """Follow the table of chunks through a plain scan line file: each must lie inside of it.
-
-    Finds every file that was cut short or has holes in its table, quietly and without decoding;
-    other kinds of EXR file pass unseen.
-    """
-    attributes, table = _parse_header(data)
-    flags = struct.unpack_from("<I", data, 4)[0]
-    try:
-        method = attributes["compression"][1][0]
-        _, top, _, bottom = struct.unpack("<4i", attributes["dataWindow"][1])
-    except (KeyError, IndexError, struct.error) as error:
-        raise _DamageError("its header is incomplete") from error
-    lines = _CHUNK_LINES[method] if method < len(_CHUNK_LINES) else 0
-    if flags & ~_PLAIN_FLAGS or not lines:
-        return
-    count = -(-(bottom - top + 1) // lines)
-    first = table + 8 * count
-    if count < 1 or first > len(data):
-        raise _DamageError("cut short")
-    for index, offset in enumerate(struct.unpack_from(f"<{count}Q", data, table)):
-        if not first <= offset <= len(data) - 8:
-            raise _DamageError(f"cut short at line {index * lines}")
-        y, size = struct.unpack_from("<ii", data, offset)
-        if y != top + index * lines or not 0 < size <= len(data) - 8 - offset:
-            raise _DamageError(f"cut short or damaged at line {index * lines}")
 
 
 class _Hush:
@@ -347,108 +286,3 @@ def _no_prints() -> Iterator[None]:
             stdout = sys.stdout
             if not hush.threads and stdout is hush:
                 sys.stdout = hush.stream
-
-
-# Temporary files, which folder.sweep_temp_files removes once their owner is dead.
-
-
-class TempOwner(NamedTuple):
-    """The process that a temporary file belongs to; `boot`, `pids` and `start` tell pids apart.
-
-    `boot` is of the machine's run, `pids` the name space that `pid` counts in (containers), `start`
-    the process's start in clock ticks after boot; "0" where the system does not tell.
-    """
-
-    host: str
-    boot: str
-    pids: str
-    pid: int
-    start: str
-
-
-_serial = itertools.count()
-
-
-def temp_path(path: StrPath) -> Path:
-    """Name a temporary file of this process beside `path`; never the same name twice."""
-    owner = "-".join(str(part) for part in this_process(os.getpid()))
-    # Not made of `path`'s own name, which may have the file system's full length already.
-    return Path(path).parent / f".itmo-{owner}-{next(_serial)}.tmp"
-
-
-def temp_owner(name: str) -> TempOwner | None:
-    """Return whose temporary file `name` is; None when it is not named like one of ours."""
-    match = re.fullmatch(r"\.itmo-([\w.]+)-(\w+)-(\d+)-(\d+)-(\d+)-\d+\.tmp", name)
-    if match is None:
-        return None
-    host, boot, pids, pid, start = match.groups()
-    return TempOwner(host, boot, pids, int(pid), start)
-
-
-@functools.lru_cache(maxsize=1)  # by pid, so that a forked child does not take its parent's name
-def this_process(pid: int) -> TempOwner:
-    """Describe this process, whose number is `pid`."""
-    boot = pids = "0"
-    with suppress(OSError):
-        boot = Path("/proc/sys/kernel/random/boot_id").read_text()[:8]
-        pids = re.sub(r"\D", "", os.readlink("/proc/self/ns/pid")) or "0"
-    host = re.sub(r"[^\w.]", "_", socket.gethostname(), flags=re.ASCII)[:63] or "_"
-    start = (process_stat(pid) or ("", "0"))[1]
-    return TempOwner(host, boot, pids, pid, start)
-
-
-def process_stat(pid: int) -> tuple[str, str] | None:
-    """Return the state letter and start time of process `pid`; None where Linux does not tell."""
-    try:
-        fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
-    except OSError:
-        return None
-    return fields[0], fields[19]
-
-
-def write_whole(path: StrPath, data: bytes | memoryview, *, durable: bool = False) -> int:
-    """Put `data` at `path` by way of a temporary file and return its size in bytes.
-
-    Whoever looks sees the old file or the whole new one. Raises OutputError when it cannot be
-    written; the temporary file is removed whatever goes wrong.
-    """
-    temp = temp_path(path)
-    try:
-        with open(temp, "xb") as file:
-            file.write(data)
-            if durable:
-                file.flush()
-                os.fsync(file.fileno())
-        os.replace(temp, path)
-        if durable:
-            _sync_folder(temp.parent)
-    except OSError as error:
-        raise output_error(error, path) from error
-    finally:  # after the rename there is nothing left to remove
-        with suppress(OSError):
-            temp.unlink()
-    return len(data)
-
-
-def _sync_folder(folder: Path) -> None:
-    if os.name == "nt":  # folders cannot be opened there
-        return
-    descriptor = os.open(folder, os.O_RDONLY)
-    try:
-        os.fsync(descriptor)
-    finally:
-        os.close(descriptor)
-
-
-def output_error(error: OSError, path: StrPath) -> OutputError:
-    """Tell a failure to write `path` in the user's words, with the way to go on."""
-    again = "then run the same command again: it goes on where it stopped."
-    if error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG):
-        what, remedy = "no space left to write it", f"Make space, {again}"
-    elif error.errno in (errno.EACCES, errno.EPERM, errno.EROFS):
-        what, remedy = "no right to write it", f"Change its rights or the folder, {again}"
-    elif error.errno in (errno.ENOENT, errno.ENOTDIR):
-        what, remedy = "its folder is not there (any more)", f"Bring the folder back, {again}"
-    else:
-        what, remedy = "it cannot be written", f"Look at the disk, {again}"
-    return OutputError(f"{what} ({error.strerror})", where=os.fspath(path), remedy=remedy)

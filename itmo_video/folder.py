@@ -13,23 +13,16 @@ import os
 import re
 import shutil
 from collections.abc import Mapping
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import asdict, dataclass, fields
+from itertools import islice
 from pathlib import Path
 from typing import Literal
 
+from itmo_video.atomic import StrPath, is_dead, output_error, temp_owner, temp_path, write_whole
 from itmo_video.errors import InputError, OutputError
-from itmo_video.exr import (
-    StrPath,
-    TempOwner,
-    output_error,
-    process_stat,
-    read_exr,
-    temp_owner,
-    temp_path,
-    this_process,
-    write_whole,
-)
+from itmo_video.exr import read_exr
 
 MANIFEST_NAME = "itmo-video.json"
 MANIFEST_FORMAT = 1
@@ -210,7 +203,18 @@ class OutputFolder:
             return "damaged" if os.path.exists(path) else "missing"
         return "whole" if image.fingerprint == fingerprint else "other"
 
-    def verify(self, fingerprints: Mapping[int, str]) -> list[tuple[Path, str]]:
+    def states(self, fingerprints: Mapping[int, str], jobs: int = 1) -> dict[int, FrameState]:
+        """Tell the `state` of each frame, looking at `jobs` of them at a time."""
+        states: dict[int, FrameState] = {}
+        numbers = iter(sorted(fingerprints))
+        with ThreadPoolExecutor(jobs, thread_name_prefix="look") as pool:
+            # In batches: a film has more frames than should wait in a pool, and Ctrl-C must work.
+            while batch := list(islice(numbers, 16 * jobs)):
+                found = pool.map(lambda n: self.state(n, fingerprints[n]), batch)
+                states.update(zip(batch, found, strict=True))
+        return states
+
+    def verify(self, fingerprints: Mapping[int, str], jobs: int = 1) -> list[tuple[Path, str]]:
         """Check frames by number against their fingerprints; return (path, problem) for each fault.
 
         The manifest is checked too. An empty list means that all is as it should be.
@@ -221,8 +225,7 @@ class OutputFolder:
                 faults.append((self.manifest_path, "missing"))
         except InputError as error:
             faults.append((self.manifest_path, error.what))
-        for number, fingerprint in sorted(fingerprints.items()):
-            state = self.state(number, fingerprint)
+        for number, state in self.states(fingerprints, jobs).items():
             if state != "whole":
                 faults.append((self.frame_path(number), _PROBLEMS[state]))
         return faults
@@ -236,7 +239,7 @@ class OutputFolder:
         for name in self._names():
             owner = temp_owner(name)
             with suppress(OSError):  # another process may sweep at the same time
-                if owner and _is_dead(owner, (self.path / name).stat().st_mtime):
+                if owner and is_dead(owner, (self.path / name).stat().st_mtime):
                     (self.path / name).unlink()
                     swept += 1
         return swept
@@ -300,31 +303,3 @@ def _differences(old: Mapping[str, object], new: Mapping[str, object]) -> list[s
     pairs = ((name, show(old, name), show(new, name)) for name in sorted(old.keys() | new.keys()))
     changed = [f"{name} {was[:40]} -> {now[:40]}" for name, was, now in pairs if was != now]
     return [*changed[:4], f"and {len(changed) - 4} more"] if len(changed) > 4 else changed
-
-
-def _is_dead(owner: TempOwner, written_s: float) -> bool:
-    me = this_process(os.getpid())
-    if owner.host != me.host:
-        return False
-    if owner.boot != me.boot:
-        # This machine before it started anew, or a living one of the same name: then it is fresh.
-        return "0" not in (owner.boot, me.boot) and written_s < _boot_time_s()
-    if owner.pids != me.pids or os.name == "nt":
-        return False
-    try:
-        os.kill(owner.pid, 0)  # asks only; sees processes that a hardened /proc hides
-    except ProcessLookupError:
-        return True
-    except OSError:
-        pass
-    stat = process_stat(owner.pid)
-    # A number is used again by other processes, which started later; a zombie writes no more.
-    return stat is not None and (stat[1] != owner.start or stat[0] in "ZX")
-
-
-def _boot_time_s() -> float:
-    with suppress(OSError):
-        match = re.search(r"^btime (\d+)", Path("/proc/stat").read_text(), re.MULTILINE)
-        if match:
-            return float(match[1])
-    return 0.0

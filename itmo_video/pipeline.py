@@ -19,6 +19,7 @@ from itmo_video.reader import Clip
 from itmo_video.render import Look, Rendered, make_key_map, render
 
 Sink = Callable[[Frame, Rendered], None]
+LookAt = Callable[[int], Look]
 
 
 @dataclass(frozen=True)
@@ -111,13 +112,19 @@ def spans_of(
 
 
 def render_span(
-    span: Span, wanted: frozenset[int], look: Look, sink: Sink, stop: threading.Event
+    span: Span,
+    wanted: frozenset[int],
+    look: Look,
+    sink: Sink,
+    stop: threading.Event,
+    look_at: LookAt | None = None,
 ) -> None:
-    """Render the wanted frames of a span and hand each to the sink."""
+    """Render the wanted frames of a span and hand each to the sink; see render_frames."""
     for analysed in span.frames:
         if analysed.index in wanted and not stop.is_set():
             map_small = map_between(span, analysed, look) if look.needs_map else None
-            sink(analysed.frame, render(analysed.frame, map_small, look, analysed.guide))
+            own = look_at(analysed.index) if look_at else look
+            sink(analysed.frame, render(analysed.frame, map_small, own, analysed.guide))
 
 
 def map_between(span: Span, analysed: Analysed, look: Look) -> Float32:
@@ -139,16 +146,19 @@ def render_frames(
     look: Look,
     jobs: int,
     sink: Sink,
+    look_at: LookAt | None = None,
     on_planned: Callable[[Sequence[int]], None] = lambda indices: None,
     on_stop: Callable[[], None] = lambda: None,
 ) -> list[DamagedInputError]:
     """Render the wanted indices (sorted) and hand each to `sink`, called from worker threads.
 
-    `on_planned` is told, in presentation order, the indices of each span before it is begun: who
-    wants the frames in order knows by it what to wait for. `on_stop` is called when a worker or the
-    decoder has failed, before the workers still running are waited for. Memory is bounded by jobs
-    and the span's length, whatever the clip's. Returns what cut the source short; raises what a
-    worker or the decoder raised, after the running spans ended.
+    `look_at` gives each index the look it is expanded with; keys and maps follow `look` all over
+    the clip, so that a shot's own settings do not reach the frames around it. `on_planned` is told,
+    in presentation order, the indices of each span before it is begun: who wants the frames in
+    order knows by it what to wait for. `on_stop` is called when a worker or the decoder has failed,
+    before the workers still running are waited for. Memory is bounded by jobs and the span's
+    length, whatever the clip's. Returns what cut the source short; raises what a worker or the
+    decoder raised, after the running spans ended.
     """
     ended: list[DamagedInputError] = []
     stop = threading.Event()
@@ -168,7 +178,7 @@ def render_frames(
                     for future in finished:
                         future.result()
                 on_planned([a.index for a in span.frames if a.index in run.wanted])
-                pending.add(pool.submit(render_span, span, run.wanted, look, sink, stop))
+                pending.add(pool.submit(render_span, span, run.wanted, look, sink, stop, look_at))
         # A sink may make the others wait for a frame that will not come: the first failure counts.
         for future in wait(pending, return_when=FIRST_EXCEPTION).done:
             future.result()

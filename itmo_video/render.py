@@ -185,6 +185,8 @@ def render(
             gain -= base
             gain *= weight
             gain += base
+        if settings.strength != 1:
+            gain = (gain - np.float32(1)) * np.float32(settings.strength) + np.float32(1)
         _fill_layers(layers, rows, rgb, gain, weight)
         if alpha is not None:
             gain = gain * alpha[rows]

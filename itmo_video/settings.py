@@ -93,6 +93,10 @@ class Settings:
         metavar="NAME=VALUE",
     )  # fmt: skip
     expand_map: bool = setting(True, bool, "weigh the expansion by the Expand Map")
+    strength: float = setting(
+        1.0, float, "how much of the expansion is applied, 0 none; weighs it beside the map",
+        lower=0, upper=1, metavar="X",
+    )  # fmt: skip
     over_white: str = setting(
         "clip", str, "codes outside black to white: clipped, or kept and given white's gain",
         choices=("clip", "keep"),

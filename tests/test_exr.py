@@ -14,7 +14,7 @@ import numpy as np
 import OpenEXR
 import pytest
 
-from itmo_video import exr
+from itmo_video import atomic, exr
 from itmo_video.errors import InputError, OutputError
 
 REPOSITORY = Path(__file__).parents[1]
@@ -465,12 +465,12 @@ def test_tiled_files_are_read(tmp_path):
 
 
 def test_temp_names_tell_their_owner(tmp_path):
-    names = [exr.temp_path(tmp_path / "a.exr").name for _ in range(3)]
+    names = [atomic.temp_path(tmp_path / "a.exr").name for _ in range(3)]
     assert len(set(names)) == 3
-    assert exr.temp_owner(names[0]) == exr.this_process(os.getpid())
-    assert exr.this_process(os.getpid()).pid == os.getpid()
+    assert atomic.temp_owner(names[0]) == atomic.this_process(os.getpid())
+    assert atomic.this_process(os.getpid()).pid == os.getpid()
     for other in ("a.exr", ".itmo-.tmp", ".itmo-h-b-1-2-3-4.exr", ".itmo-h-b-1-x-3-4.tmp"):
-        assert exr.temp_owner(other) is None
+        assert atomic.temp_owner(other) is None
 
 
 def test_encoding_to_memory_equals_the_librarys_own_file(tmp_path):

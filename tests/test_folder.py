@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 from test_exr import HEADER, header, picture
 
-from itmo_video import exr, folder
+from itmo_video import atomic, exr, folder
 from itmo_video.errors import InputError, OutputError
 from itmo_video.folder import MANIFEST_NAME, Manifest, OutputFolder
 
@@ -362,13 +362,13 @@ def temp_name(owner, serial=0):
 
 @pytest.fixture
 def me():
-    return exr.this_process(os.getpid())
+    return atomic.this_process(os.getpid())
 
 
 HOLD = """
     import os, sys
-    from itmo_video import exr
-    path = exr.temp_path(sys.argv[1] + "/clip.0001.exr")
+    from itmo_video import atomic
+    path = atomic.temp_path(sys.argv[1] + "/clip.0001.exr")
     path.write_bytes(b"half")
     print(path.name, flush=True)
     sys.stdin.readline()
@@ -381,7 +381,7 @@ def test_dead_owners_files_go_and_living_ones_stay(out):
     dead, living = (start_python(HOLD, out.path) for _ in range(2))
     try:
         dead_name, living_name = (worker.stdout.readline().strip() for worker in (dead, living))
-        own = exr.temp_path(out.frame_path(3))
+        own = atomic.temp_path(out.frame_path(3))
         own.write_bytes(b"half")
         assert out.sweep_temp_files() == 0
         dead.send_signal(signal.SIGKILL)
@@ -431,7 +431,7 @@ def test_killed_at_any_moment_all_frames_are_whole(out):
 @linux_only
 def test_whose_temporary_files_go(out, me):
     out.claim(OURS)
-    boot = folder._boot_time_s()
+    boot = atomic.boot_time_s()
     assert 0 < boot < out.manifest_path.stat().st_mtime
     gone = subprocess.Popen([sys.executable, "-c", ""])
     gone.wait()
@@ -442,7 +442,7 @@ def test_whose_temporary_files_go(out, me):
     ]
     stay = [
         temp_name(me),
-        temp_name(me._replace(pid=1, start=exr.process_stat(1)[1])),
+        temp_name(me._replace(pid=1, start=atomic.process_stat(1)[1])),
         temp_name(me._replace(host="elsewhere", pid=gone.pid)),
         temp_name(me._replace(pids="1", pid=gone.pid)),  # in another container
         temp_name(me._replace(boot="00000000", pid=1), serial=1),  # a living namesake's
@@ -469,15 +469,15 @@ def test_sweep_of_a_folder_that_is_not_there(out):
 def test_a_forked_child_has_its_own_name():
     code = """
         import os
-        from itmo_video import exr
-        mother = exr.temp_path("a").name
+        from itmo_video import atomic
+        mother = atomic.temp_path("a").name
         reader, writer = os.pipe()
         if os.fork() == 0:
-            os.write(writer, exr.temp_path("a").name.encode())
+            os.write(writer, atomic.temp_path("a").name.encode())
             os._exit(0)
         os.wait()
         child = os.read(reader, 999).decode()
-        print(exr.temp_owner(mother).pid == os.getpid() != exr.temp_owner(child).pid)
+        print(atomic.temp_owner(mother).pid == os.getpid() != atomic.temp_owner(child).pid)
     """
     if not hasattr(os, "fork"):
         pytest.skip("no fork here")
@@ -485,12 +485,12 @@ def test_a_forked_child_has_its_own_name():
 
 
 def test_strange_host_names(monkeypatch):
-    exr.this_process.cache_clear()
+    atomic.this_process.cache_clear()
     monkeypatch.setattr(socket, "gethostname", lambda: "my-host é/" + "x" * 300)
-    name = exr.temp_path("a").name
-    exr.this_process.cache_clear()
+    name = atomic.temp_path("a").name
+    atomic.this_process.cache_clear()
     assert len(name) < 200
-    assert exr.temp_owner(name).host.startswith("my_host___x")
+    assert atomic.temp_owner(name).host.startswith("my_host___x")
 
 
 # Space

@@ -64,7 +64,7 @@ def judged(rgb: Any, truth: Any, l_max: float) -> tuple[float, float, float]:
 
 
 def settings_of(name: str, l_max: float) -> dict[str, Any]:
-    """An operator's settings: as its publication has it, with the map of `default` if it uses one."""
+    """An operator's settings: as published, with the map of `default` if it uses one."""
     return {"preset": "default", "operator": name, "l_max": l_max}
 
 

@@ -94,8 +94,8 @@ def add_preview(
 
 
 def _run(args: argparse.Namespace, settings: Settings) -> int:
-    from itmo_video.conversion import RunOptions
     from itmo_video.delivery.preview import PreviewOptions, preview
+    from itmo_video.plan import RunOptions
     from itmo_video.progress import Progress
 
     output = Path(args.output)

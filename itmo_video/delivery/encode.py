@@ -18,10 +18,10 @@ import av
 import numpy as np
 
 from itmo_video import colour
+from itmo_video.atomic import temp_path
 from itmo_video.delivery import metadata
 from itmo_video.delivery.hdr import Chroma, Codes10, Light
 from itmo_video.errors import OutputError, UsageError
-from itmo_video.exr import temp_path
 
 Codec = Literal["av1", "hevc", "prores"]
 Signal = Literal["pq", "hlg", "sdr"]

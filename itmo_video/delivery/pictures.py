@@ -13,13 +13,14 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from itmo_video import colour, conversion, pipeline
+from itmo_video import colour, pipeline
 from itmo_video.delivery.in_order import InOrder, run_in_order
 from itmo_video.errors import DamagedInputError, InputError, UsageError
 from itmo_video.exr import ExrImage, read_exr
 from itmo_video.folder import Manifest, OutputFolder, read_manifest
 from itmo_video.frame_ranges import format_ranges, parse_ranges
 from itmo_video.model import Float32, Frame, Half
+from itmo_video.plan import RunOptions, input_options, make_plan
 from itmo_video.reader import Clip, open_clip
 from itmo_video.render import Rendered, make_look
 from itmo_video.settings import Settings
@@ -65,11 +66,11 @@ class Pictures:
         return self._mapped(work)
 
 
-def from_clip(source: Path, settings: Settings, run: conversion.RunOptions) -> Pictures:
+def from_clip(source: Path, settings: Settings, run: RunOptions) -> Pictures:
     """The pictures of a clip, converted on the fly; raises what `convert` would."""
     look = make_look(settings)
-    with open_clip(source, conversion.input_options(settings, run.max_pixels)) as clip:
-        plan = conversion.make_plan(clip, look, run)
+    with open_clip(source, input_options(settings, run.max_pixels)) as clip:
+        plan = make_plan(clip, look, run)
     by_index = {index: number for number, index in plan.numbers.items()}
     info = plan.clip
     pictures: Pictures
@@ -89,7 +90,7 @@ def from_clip(source: Path, settings: Settings, run: conversion.RunOptions) -> P
 
             wanted = sorted(by_index)
             ended = pipeline.render_frames(
-                clip, wanted, look, plan.jobs, sink, buffer.plan, buffer.close
+                clip, wanted, look, plan.jobs, sink, on_planned=buffer.plan, on_stop=buffer.close
             )
             pictures.damage += [error.what for error in ended]
             if made < len(wanted):
@@ -106,7 +107,7 @@ def from_clip(source: Path, settings: Settings, run: conversion.RunOptions) -> P
 
 
 def from_folder(
-    folder: Path, clip: Path | None, run: conversion.RunOptions, settings: Settings | None = None
+    folder: Path, clip: Path | None, run: RunOptions, settings: Settings | None = None
 ) -> Pictures:
     """The pictures of a converted folder, read in order; `clip` is its source where it is needed.
 
@@ -183,7 +184,7 @@ def primaries_of(image: ExrImage) -> str:
 
 def _same_source(clip: Path, manifest: Manifest, settings: Settings | None) -> Clip:
     """The opened clip; raises InputError unless it is what the folder was made of."""
-    options = conversion.input_options(settings or Settings())
+    options = input_options(settings or Settings())
     opened = open_clip(clip, options)
     if opened.info.digest != manifest.source_digest:
         raise InputError(

@@ -17,14 +17,15 @@ from typing import Any, Literal
 import numpy as np
 
 from itmo_video import colour
-from itmo_video.conversion import Event, RunOptions
+from itmo_video.atomic import write_whole
+from itmo_video.conversion import Event
 from itmo_video.delivery import encode, hdr, sdr, stills
 from itmo_video.delivery.encode import Codec, FilmSpec, FilmWriter, YCbCr
 from itmo_video.delivery.hdr import Chroma, Light
 from itmo_video.delivery.metadata import Mastering
 from itmo_video.delivery.pictures import Picture, Pictures, from_clip, from_folder
 from itmo_video.errors import DamagedInputError, UsageError
-from itmo_video.exr import write_whole
+from itmo_video.plan import RunOptions
 from itmo_video.settings import Settings
 
 View = Literal["hdr10", "hlg", "sdr", "compare", "false-colour", "ladder"]

@@ -13,13 +13,14 @@ import cv2
 import numpy as np
 
 from itmo_video import describe
-from itmo_video.conversion import Event, RunOptions, input_options
+from itmo_video.atomic import write_whole
+from itmo_video.conversion import Event
 from itmo_video.delivery import sdr
 from itmo_video.delivery.pictures import Picture, Pictures, from_folder
 from itmo_video.errors import DamagedInputError, UsageError
-from itmo_video.exr import write_whole
 from itmo_video.folder import Manifest, read_manifest
 from itmo_video.frame_ranges import format_ranges
+from itmo_video.plan import RunOptions, input_options
 from itmo_video.reader import open_clip
 from itmo_video.report import embed, measure, plots
 from itmo_video.report.measure import FilmFacts, FrameFacts

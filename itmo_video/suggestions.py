@@ -1,0 +1,60 @@
+"""Settings that suit a clip, by simple rules of thumb, each with its reason.
+
+They are only told, never applied: no study of ours stands behind the numbers.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from itmo_video.analysis import Statistics, Suggestion
+from itmo_video.model import ClipInfo
+
+FEW_CLIPPED = 0.0005
+MANY_CLIPPED = 0.05
+FAST_CHANGE = 0.02  # mean difference of neighbouring frames, 0 to 1
+SLOW_CHANGE = 0.002
+FEW_BITS = 0.06  # a pixel
+
+
+def suggestions(info: ClipInfo, statistics: Statistics) -> tuple[Suggestion, ...]:
+    """Suggest what a clip's facts and statistics speak for; empty where the defaults suit."""
+    found = [_peak(statistics), _keys(statistics), _noise(info), _projection(info)]
+    return tuple(suggestion for suggestion in found if suggestion is not None)
+
+
+def _peak(statistics: Statistics) -> Suggestion | None:
+    share = f"{statistics.clipped:.2%} of the pixels are clipped"
+    if statistics.clipped < FEW_CLIPPED:
+        return Suggestion("peak_nits", 600.0, f"{share}: few highlights ask for a high peak")
+    if statistics.clipped > MANY_CLIPPED:
+        return Suggestion("peak_nits", 600.0, f"{share}: large areas would glare at a high peak")
+    return None
+
+
+def _keys(statistics: Statistics) -> Suggestion | None:
+    told = f"frames differ by {statistics.change:.2%} on average"
+    if statistics.change > FAST_CHANGE:
+        return Suggestion("key_interval", 3, f"{told}: fast motion is hard to track for long")
+    if statistics.change < SLOW_CHANGE:
+        return Suggestion("key_interval", 10, f"{told}: slow motion needs fewer maps")
+    return None
+
+
+def _noise(info: ClipInfo) -> Suggestion | None:
+    try:
+        size = Path(info.path).stat().st_size
+    except OSError:
+        return None
+    bits = 8 * size / max(1, info.frames * info.width * info.height)
+    if bits >= FEW_BITS:
+        return None
+    reason = f"{bits:.3f} bits a pixel: expansion would show blocks and banding"
+    return Suggestion("noise_guard", True, reason)
+
+
+def _projection(info: ClipInfo) -> Suggestion | None:
+    width, height = info.display_size
+    if width != 2 * height or width < 2048:
+        return None
+    return Suggestion("projection", "latlong", "twice as wide as high: if it is a panorama")

@@ -1,0 +1,255 @@
+"""On a cluster, with workers that die: complete, and byte for byte what one machine makes."""
+
+from __future__ import annotations
+
+import os
+import pickle
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from clips import moving_scene, write_ffv1
+from command import REPOSITORY, broken_frames, run, start, temp_files, wait_for_frames
+
+from itmo_video import RunOptions, analyse, chunks, cluster, conversion, convert, make_settings
+from itmo_video.conversion import Job, OnEvent, Summary
+from itmo_video.errors import ClusterError, DamagedInputError, InputError, OutputError
+
+FLAGS = ("--lights", 64, "--radius", 64, "--compression", "zips")
+SETTINGS = make_settings("default", lights=64, radius=64, compression="zips")
+
+needs_dask = pytest.mark.skipif(
+    __import__("importlib.util").util.find_spec("distributed") is None,
+    reason="Dask distributed (the extra `cluster`) is not installed",
+)
+pytestmark = pytest.mark.timeout(90)
+
+
+@pytest.fixture(scope="module")
+def clip(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    frames = moving_scene(120, width=128, height=72, cuts=(17, 18, 70))
+    return write_ffv1(tmp_path_factory.mktemp("clip") / "scene.mkv", frames)
+
+
+@pytest.fixture(scope="module")
+def whole(clip: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
+    out = tmp_path_factory.mktemp("whole")
+    convert(clip, out, SETTINGS)
+    return files(out)
+
+
+def files(folder: Path) -> dict[str, bytes]:
+    return {path.name: path.read_bytes() for path in sorted(folder.iterdir())}
+
+
+def wait_until(is_so: Callable[[], object], what: str) -> None:
+    until = time.monotonic() + 40
+    while not is_so():
+        assert time.monotonic() < until, f"waited too long for {what}"
+        time.sleep(0.005)
+
+
+def worker_pids(pid: int) -> list[int]:
+    import psutil
+
+    children = psutil.Process(pid).children(recursive=True)
+    return [c.pid for c in children if any("spawn_main" in part for part in c.cmdline())]
+
+
+def frames_in(folder: Path) -> int:
+    return len(list(folder.glob("*.exr")))
+
+
+# Without Dask: chunks travel, are rendered anywhere, and make up the whole
+
+
+def in_chunks(job: Job, summary: Summary, on_event: OnEvent) -> list[DamagedInputError]:
+    sent = list(chunks.cut_into_chunks(job, 2))
+    assert len(sent) > 1
+    for chunk in reversed(sent):
+        data = pickle.dumps(chunk)
+        assert len(data) < 3000, "a chunk that travels must be small"
+        summary.written += len(
+            pickle.loads(pickle.dumps(chunks.make_chunk(pickle.loads(data)))).made
+        )
+    return []
+
+
+def test_chunks_in_reverse_make_up_the_whole(
+    clip: Path, whole: dict[str, bytes], tmp_path: Path
+) -> None:
+    summary = convert(clip, tmp_path, SETTINGS, executor=in_chunks)
+    assert summary.written == 120
+    assert files(tmp_path) == whole
+
+
+def test_chunks_know_their_edited_shots(clip: Path, tmp_path: Path) -> None:
+    found = analyse(clip, SETTINGS)
+    shots = [replace(s, peak_nits=300.0 * (2 + i)) for i, s in enumerate(found.shots)]
+    options = RunOptions(start_number=1001, analysis=replace(found, shots=tuple(shots)))
+    convert(clip, tmp_path / "one", SETTINGS, options)
+    convert(clip, tmp_path / "many", SETTINGS, options, executor=in_chunks)
+    assert files(tmp_path / "one") == files(tmp_path / "many")
+
+
+def test_chunks_lie_on_the_grid() -> None:
+    assert chunks.chunk_length(150_000, 100, 5) == 100
+    assert chunks.chunk_length(400, 2, 7) == 56
+    assert chunks.chunk_length(3, 1, 1) == chunks.SHORTEST
+    assert chunks.chunk_length(150_000, 0, 60) == 120
+
+
+def test_a_worker_that_sees_something_else_says_so(clip: Path, tmp_path: Path) -> None:
+    chunk = chunks.Chunk(str(clip), "0", str(tmp_path), SETTINGS, RunOptions(frames="1"), (1,))
+    with pytest.raises(InputError, match="another file"):
+        chunks.make_chunk(chunk)
+    with pytest.raises(InputError, match="does not find"):
+        chunks.make_chunk(replace(chunk, source=str(tmp_path / "gone.mkv")))
+    with pytest.raises(ClusterError, match="another version"):
+        chunks.make_chunk(replace(chunk, algorithm=-1))
+    with conversion.open_clip(clip) as opened:
+        right = replace(chunk, digest=opened.info.digest)
+    with pytest.raises(OutputError, match="does not find the folder") as caught:
+        chunks.make_chunk(right)
+    back = pickle.loads(pickle.dumps(caught.value))
+    assert (type(back), str(back)) == (OutputError, str(caught.value)), "errors travel, too"
+
+
+def test_without_the_extra_it_says_what_to_install(clip: Path, tmp_path: Path) -> None:
+    code = (
+        "import sys; sys.modules['distributed'] = None; "
+        "from itmo_video.cli import main; sys.exit(main(sys.argv[1:]))"
+    )
+    arguments = ("convert", clip, tmp_path, "--scheduler", "local")
+    done = run(*arguments, command=(sys.executable, "-c", code))
+    assert done.returncode == 2
+    assert "itmo_video[cluster]" in done.stderr
+
+
+# With Dask
+
+
+@needs_dask
+def test_local_with_a_worker_killed(clip: Path, whole: dict[str, bytes], tmp_path: Path) -> None:
+    local = ("--scheduler", "local", "--jobs", 2, "--durable", "--json")
+    process = start("convert", clip, tmp_path, *FLAGS, *local)
+    try:
+        wait_until(lambda: frames_in(tmp_path) >= 8, "frames")
+        pids = worker_pids(process.pid)
+        assert len(pids) == 2, "--jobs 2 means two worker processes"
+        os.kill(pids[0], signal.SIGKILL)
+        assert frames_in(tmp_path) < 110, "killed too late to show anything"
+        out, told = process.communicate(timeout=60)
+    finally:
+        process.kill()
+    assert process.returncode == 0, told
+    assert out.count('"event": "frame"') == 120
+    assert files(tmp_path) == whole, "a killed worker leaves another folder"
+
+
+@needs_dask
+@pytest.mark.parametrize(("sent", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+def test_local_interrupted(
+    sent: signal.Signals, code: int, clip: Path, whole: dict[str, bytes], tmp_path: Path
+) -> None:
+    local = ("--scheduler", "local", "--jobs", 2, "--durable", "--json")
+    process = start("convert", clip, tmp_path, *FLAGS, *local, start_new_session=True)
+    try:
+        wait_for_frames(process, 1)
+        pids = worker_pids(process.pid)
+        os.killpg(process.pid, sent)  # as a terminal does
+        _, told = process.communicate(timeout=30)
+    finally:
+        process.kill()
+    assert process.returncode == code, told
+    assert told.count("\n") <= 4, f"more than notices and the last word: {told}"
+    assert broken_frames(tmp_path) == temp_files(tmp_path) == []
+    assert not [pid for pid in pids if Path(f"/proc/{pid}").exists()], "workers live on"
+    convert(clip, tmp_path, SETTINGS)
+    assert files(tmp_path) == whole
+
+
+@pytest.fixture
+def dask(tmp_path: Path) -> Iterator[tuple[str, list[subprocess.Popen[bytes]]]]:
+    """A scheduler and two workers on the loopback address, as separate processes."""
+    file, log = tmp_path / "scheduler.json", (tmp_path / "dask.log").open("wb")
+    environment = {**os.environ, "PYTHONPATH": str(REPOSITORY)}
+
+    def dask_process(name: str, *args: str) -> subprocess.Popen[bytes]:
+        module = f"distributed.cli.dask_{name}"
+        command = [sys.executable, "-m", module, "--scheduler-file", str(file), *args]
+        return subprocess.Popen(
+            command, cwd=tmp_path, env=environment, stdout=log, stderr=subprocess.STDOUT
+        )
+
+    processes = [dask_process("scheduler", "--host", "127.0.0.1", "--port", "0", "--no-dashboard")]
+    try:
+        wait_until(lambda: file.exists() and b'"address"' in file.read_bytes(), "the scheduler")
+        worker = ("--host", "127.0.0.1", "--nthreads", "1", "--no-nanny", "--no-dashboard")
+        processes += [dask_process("worker", *worker) for _ in range(2)]
+        address = file.read_text().split('"address": "')[1].split('"')[0]
+        yield address, processes
+    finally:
+        for process in reversed(processes):
+            process.kill()
+            process.wait(timeout=20)
+        log.close()
+
+
+@needs_dask
+def test_a_real_scheduler_and_workers(
+    dask: tuple[str, list[subprocess.Popen[bytes]]],
+    clip: Path,
+    whole: dict[str, bytes],
+    tmp_path: Path,
+) -> None:
+    address, processes = dask
+    out = tmp_path / "out"
+    process = start("convert", clip, out, *FLAGS, "--scheduler", address, "--durable", "--json")
+    try:
+        wait_until(lambda: out.exists() and frames_in(out) >= 8, "frames")
+        processes[1].kill()
+        assert frames_in(out) < 110, "killed too late to show anything"
+        _, told = process.communicate(timeout=60)
+    finally:
+        process.kill()
+    assert process.returncode == 0, told
+    assert files(out) == whole, "a real cluster with a killed worker makes another folder"
+
+
+@needs_dask
+@pytest.mark.parametrize("lost", ["workers", "scheduler"])
+def test_a_lost_cluster_does_not_hang(
+    lost: str,
+    dask: tuple[str, list[subprocess.Popen[bytes]]],
+    clip: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    address, processes = dask
+    out = tmp_path / "out"
+    monkeypatch.setattr(cluster, "WAIT_S", 2)
+
+    def on_event(event: conversion.Event) -> None:
+        if event["event"] == "frame":
+            for process in processes[1:] if lost == "workers" else processes[:1]:
+                process.kill()
+
+    with pytest.raises(ClusterError, match=r"no workers|scheduler is gone") as caught:
+        convert(clip, out, SETTINGS, None, on_event, cluster.cluster_executor(address))
+    assert "same command again" in str(caught.value)
+    assert broken_frames(out) == []
+
+
+@needs_dask
+def test_nobody_answers(clip: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(cluster, "WAIT_S", 0.5)
+    for address in ("tcp://127.0.0.1:9", "nonsense://"):
+        with pytest.raises(ClusterError, match="no scheduler answers") as caught:
+            convert(clip, tmp_path, SETTINGS, executor=cluster.cluster_executor(address))
+        assert "same command again" in str(caught.value)

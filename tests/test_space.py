@@ -1,0 +1,46 @@
+"""Space on the disk: the estimate holds for real frames, and a warning comes before the start."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from itmo_video import RunOptions, conversion, convert, make_settings, space
+from itmo_video.exr import COMPRESSION_NAMES
+
+CLIP = Path(__file__).parents[1] / "sample_clips" / "night_street.mp4"
+
+
+@pytest.mark.parametrize("compression", COMPRESSION_NAMES)
+def test_a_real_frame_takes_about_as_much(compression: str, tmp_path: Path) -> None:
+    settings = make_settings("default", lights=64, compression=compression)
+    summary = convert(CLIP, tmp_path, settings, RunOptions(frames="1-2"))
+    estimated = 2 * space.estimated_frame_bytes(480, 270, False, settings)
+    assert 0.6 * estimated <= summary.bytes_written <= 1.02 * estimated
+
+
+def test_layers_and_alpha_count() -> None:
+    plain, layered = make_settings(), make_settings(layers=("gain", "expand_map"))
+    three, five = (space.estimated_frame_bytes(1000, 1000, False, s) for s in (plain, layered))
+    assert five / three == pytest.approx(5 / 3, rel=0.01)
+    assert space.estimated_frame_bytes(9, 9, True, plain) > space.estimated_frame_bytes(
+        9, 9, False, plain
+    )
+
+
+def test_a_warning_where_it_will_not_fit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(conversion, "free_bytes", lambda path: 10_000_000)
+    settings, run = make_settings(), RunOptions(frames="1-3")
+    assert "warning" not in conversion.describe_plan(CLIP, tmp_path, settings, run)
+    planned = conversion.describe_plan(CLIP, tmp_path, settings, RunOptions())
+    assert "warning: about 26 MB will be needed and 10 MB are free" in planned
+
+    monkeypatch.setattr(conversion, "free_bytes", lambda path: 1_000_000)
+    events: list[conversion.Event] = []
+    convert(CLIP, tmp_path, settings, run, events.append)
+    warnings = [str(e["message"]) for e in events if e["event"] == "warning"]
+    assert any("1 MB are free" in w and "same command goes on" in w for w in warnings), warnings
+    convert(CLIP, tmp_path, settings, run, events.append)
+    more = [str(e["message"]) for e in events if e["event"] == "warning"][len(warnings) :]
+    assert not any("free" in w for w in more), "nothing is left to be made: nothing is needed"
