@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import tempfile
 from fractions import Fraction
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -71,9 +72,7 @@ def moved(picture: Any, dx: float, dy: float) -> Any:
 def flicker(gains: list[Any], at: list[tuple[float, float]]) -> float:
     """Mean absolute change of gain, in stops, from frame to frame along the true motion."""
     changes = []
-    for (before, after), (a, b) in zip(
-        zip(gains[:-1], gains[1:], strict=True), zip(at[:-1], at[1:], strict=True), strict=True
-    ):
+    for (before, after), (a, b) in zip(pairwise(gains), pairwise(at), strict=True):
         followed = moved(np.log2(after), a[0] - b[0], a[1] - b[1])
         changes.append(np.abs(followed - np.log2(before))[12:-12, 12:-12].mean())
     return float(np.mean(changes))
