@@ -104,8 +104,8 @@ def figure_5(truth: Any, codes: Any) -> None:
         shown.append(labelled(picture, name))
     save("figure5.png", shown)
     ldr_map, hdr_map = (_density(lights, codes, 4) for lights in found)
-    correlation = np.corrcoef(ldr_map.ravel(), hdr_map.ravel())[0, 1]
-    print(f"figure 5: correlation of the two densities {correlation:.2f}")
+    agreement = np.corrcoef(ldr_map.ravel(), hdr_map.ravel())[0, 1]
+    print(f"figure 5: correlation of the two densities {agreement:.2f}")
 
 
 def figure_6(codes: Any) -> None:

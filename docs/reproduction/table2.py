@@ -29,6 +29,19 @@ COLUMNS: dict[str, dict[str, Any] | None] = {
     "paper": {"preset": "paper"},
     "default": {"preset": "default"},
 }
+NAIVE: dict[str, dict[str, Any]] = {
+    **{
+        f"naive, threshold {t:g}": {
+            "preset": "paper",
+            "operator": "landis2002",
+            "expand_map": False,
+            "operator_params": {"threshold": t},
+        }
+        for t in (0.25, 0.5, 0.75, 0.9)
+    },
+    "paper": {"preset": "paper"},
+    "default": {"preset": "default"},
+}
 
 
 def scenes(data: Path) -> Iterator[tuple[str, Any, bool]]:
@@ -64,7 +77,7 @@ def judged(rgb: Any, truth: Any, l_max: float) -> tuple[float, float, float]:
 
 
 def settings_of(name: str, l_max: float) -> dict[str, Any]:
-    """An operator's settings: as published, with the map of `default` if it uses one."""
+    """An operator's settings: its own defaults, and the map of `default` where it uses one."""
     return {"preset": "default", "operator": name, "l_max": l_max}
 
 
@@ -73,6 +86,7 @@ def main() -> None:
     data = data_folder(__doc__ or "")
     found: dict[float, dict[str, list[tuple[float, float, float]]]] = {x: {} for x in L_MAX}
     names, in_paper = [], []
+    why: dict[str, list[tuple[float, float, float, float]]] = {}
     table: dict[str, list[tuple[float, float, float]]] = {name: [] for name in OPERATORS}
     for name, truth, is_paper in scenes(data):
         names.append(name)
@@ -84,11 +98,21 @@ def main() -> None:
                 if overrides is not None:
                     out = converted(codes, l_max=l_max, **overrides)[0]
                 found[l_max].setdefault(column, []).append(judged(out, truth, l_max))
+        for label, overrides in NAIVE.items():
+            out = converted(codes, l_max=L_MAX[0], **overrides)[0]
+            why.setdefault(label, []).append(_where(out, truth, L_MAX[0]))
         for operator in OPERATORS:
             out = converted(codes, **settings_of(operator, L_MAX[0]))[0]
             table[operator].append(judged(out, truth, L_MAX[0]))
     for l_max in L_MAX:
         _print_shares(l_max, found[l_max], names, in_paper)
+    print(f"\nWhere it is seen, L'max {L_MAX[0]:g}: share of all pixels, %\n")
+    print(
+        "| | clipped: visible | obvious | not clipped: visible | obvious |\n|---|---|---|---|---|"
+    )
+    for label, rows in why.items():
+        cells = [f"{100 * value:.1f}" for value in np.array(rows).mean(axis=0)]
+        print(f"| {label} | " + " | ".join(cells) + " |")
     print(f"\nBenchmark of operators, L'max {L_MAX[0]:g}: mean over {len(names)} images\n")
     print("| operator | visible | obvious | PQ-PSNR dB | worst PQ-PSNR against SDR as it is |")
     print("|---|---|---|---|---|")
@@ -98,6 +122,19 @@ def main() -> None:
         mean = row.mean(axis=0)
         worst = (row[:, 2] - plain[:, 2]).min()
         print(f"| {name} | {mean[0]:.1%} | {mean[1]:.1%} | {mean[2]:.2f} | {worst:+.1f} |")
+
+
+def _where(rgb: Any, truth: Any, l_max: float) -> tuple[float, float, float, float]:
+    test, reference = (fidelity.displayed(x, WHITE, WHITE * l_max) for x in (rgb, truth))
+    difference = np.abs(fidelity.pq_encode(test) - fidelity.pq_encode(reference))
+    clipped = truth.max(axis=-1) >= 1
+    seen, plain = difference > fidelity.VISIBLE, difference > fidelity.OBVIOUS
+    return (
+        float(np.mean(seen & clipped)),
+        float(np.mean(plain & clipped)),
+        float(np.mean(seen & ~clipped)),
+        float(np.mean(plain & ~clipped)),
+    )
 
 
 def _print_shares(
