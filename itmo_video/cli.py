@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any, NoReturn
 from itmo_video import settings as settings_module
 from itmo_video.delivery.command import add_preview
 from itmo_video.errors import ItmoError, UsageError
+from itmo_video.evaluation.command import add_evaluate
 from itmo_video.report.command import add_report
 from itmo_video.settings import Settings, flag_name, spec_of
 
@@ -117,6 +118,7 @@ def _parser() -> argparse.ArgumentParser:
     convert.set_defaults(run=_convert)
 
     add_preview(commands, _add_settings, _settings)
+    add_evaluate(commands)
     add_report(commands)
     analyse = commands.add_parser(
         "analyse",
