@@ -20,6 +20,7 @@ def test_error_by_hand() -> None:
     truth = np.full(SHAPE, 0.5)
     found = ibl.compare_lit(2 * truth, truth)
     assert found.error == pytest.approx(1.0)
+    assert found.exposed_error == pytest.approx(0.0, abs=1e-9), "an exposure makes up for it"
     assert found.depth == (0.0, 0.0), "there is no shadow on an even ground"
     assert ibl.compare_lit(truth, truth).error == 0
 

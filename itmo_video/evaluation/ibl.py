@@ -18,6 +18,7 @@ from itmo_video.evaluation.fidelity import LUMINANCE_WEIGHTS
 from itmo_video.model import Float32, Float64
 
 Floats: TypeAlias = npt.NDArray[np.floating[Any]]
+Mask: TypeAlias = npt.NDArray[np.bool_]
 
 WIDTH, HEIGHT = 200, 150
 SAMPLES = 64  # a pixel; the environment is importance-sampled
@@ -31,12 +32,13 @@ SEED = 7  # the same for every panorama, so that noise is alike on both sides
 class Lighting:
     """How renders by a converted panorama agree with renders by the true one.
 
-    `error` is the root mean square difference of luminance over the true mean. Shadows: `sharpness`
-    is the 99th percentile of the gradient on the ground, stops a pixel, and `depth` the stops from
+    `error` is the root mean square difference of luminance, where plane or balls are seen, over the
+    true mean; `exposed_error` the same after the one exposure that makes it least. `sharpness` is the 99th percentile of the gradient on the ground, stops a pixel, and `depth` the stops from
     its median to its 2nd percentile; each of the test and of the truth.
     """
 
     error: float
+    exposed_error: float
     sharpness: tuple[float, float]
     depth: tuple[float, float]
 
@@ -91,9 +93,15 @@ def compare_lit(test: Floats, truth: Floats) -> Lighting:
     if test.shape != truth.shape:
         raise ValueError(f"renders differ in size: {test.shape} and {truth.shape}")
     a, b = (np.asarray(x, np.float64) @ np.array(LUMINANCE_WEIGHTS) for x in (test, truth))
-    error = math.sqrt(float(np.mean((a - b) ** 2))) / float(np.mean(b))
+    lit = np.logical_or(*_what_is_seen())
+    x, y = a[lit], b[lit]
+    exposure = float(x @ y) / max(float(x @ x), 1e-30)
+    error, exposed = (
+        math.sqrt(float(np.mean((scale * x - y) ** 2))) / float(np.mean(y))
+        for scale in (1.0, exposure)
+    )
     (sharp_a, deep_a), (sharp_b, deep_b) = _shadow(a), _shadow(b)
-    return Lighting(error, (sharp_a, sharp_b), (deep_a, deep_b))
+    return Lighting(error, exposed, (sharp_a, sharp_b), (deep_a, deep_b))
 
 
 def _shadow(luminance: Float64) -> tuple[float, float]:
@@ -106,8 +114,14 @@ def _shadow(luminance: Float64) -> tuple[float, float]:
     return float(np.percentile(slope[ground], 99)), depth
 
 
-def ground_mask() -> npt.NDArray[np.bool_]:
+def ground_mask() -> Mask:
     """Pixels, (HEIGHT, WIDTH), that see the plane and whose neighbours do, too."""
+    ground, _ = _what_is_seen()
+    return np.asarray(cv2.erode(ground.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0)
+
+
+def _what_is_seen() -> tuple[Mask, Mask]:
+    """Pixels that see the plane, and pixels that see a ball; the others see the panorama."""
     eye, target = np.array(_EYE), np.array(_TARGET)
     forward = (target - eye) / np.linalg.norm(target - eye)
     right = np.cross(forward, [0.0, 1.0, 0.0])
@@ -120,9 +134,10 @@ def ground_mask() -> npt.NDArray[np.bool_]:
     ray /= np.linalg.norm(ray, axis=-1, keepdims=True)
     with np.errstate(divide="ignore"):
         at = eye + ray * (-eye[1] / ray[..., 1:2])
-    seen = (ray[..., 1] < 0) & (np.abs(at[..., [0, 2]]) < _GROUND).all(axis=-1)
+    ground = (ray[..., 1] < 0) & (np.abs(at[..., [0, 2]]) < _GROUND).all(axis=-1)
+    balls = np.zeros_like(ground)
     for centre in _CENTRES:
         to_ball = np.array(centre) - eye
         along = ray @ to_ball
-        seen &= to_ball @ to_ball - along * along > _RADIUS**2
-    return np.asarray(cv2.erode(seen.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0)
+        balls |= to_ball @ to_ball - along * along <= _RADIUS**2
+    return ground & ~balls, balls
