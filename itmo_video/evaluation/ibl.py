@@ -33,8 +33,9 @@ class Lighting:
     """How renders by a converted panorama agree with renders by the true one.
 
     `error` is the root mean square difference of luminance, where plane or balls are seen, over the
-    true mean; `exposed_error` the same after the one exposure that makes it least. `sharpness` is the 99th percentile of the gradient on the ground, stops a pixel, and `depth` the stops from
-    its median to its 2nd percentile; each of the test and of the truth.
+    true mean; `exposed_error` the same after the one exposure that makes it least. Of shadows, of
+    the test and of the truth: `sharpness` is the 99th percentile of the gradient on the ground,
+    stops a pixel, and `depth` the stops from its median to its 2nd percentile.
     """
 
     error: float
