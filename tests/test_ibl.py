@@ -20,17 +20,27 @@ def test_error_by_hand() -> None:
     truth = np.full(SHAPE, 0.5)
     found = ibl.compare_lit(2 * truth, truth)
     assert found.error == pytest.approx(1.0)
+    assert found.exposed_error == pytest.approx(0.0, abs=1e-9), "an exposure makes up for it"
     assert found.depth == (0.0, 0.0), "there is no shadow on an even ground"
     assert ibl.compare_lit(truth, truth).error == 0
 
 
 def test_shadows_by_hand() -> None:
-    """A hard shadow four stops deep, over a tenth of the ground, and the same of one stop."""
+    """A shadow four stops deep between the balls, and the same of one stop."""
     hard, soft = np.ones(SHAPE), np.ones(SHAPE)
-    hard[:, 80:100], soft[:, 80:100] = 1 / 16, 1 / 2
+    hard[:, 98:104], soft[:, 98:104] = 1 / 16, 1 / 2
     found = ibl.compare_lit(soft, hard)
     assert found.depth == (pytest.approx(1), pytest.approx(4))
     assert found.sharpness == (pytest.approx(0.5), pytest.approx(2)), "central differences"
+
+
+def test_the_ground_is_neither_ball_nor_sky() -> None:
+    mask = ibl.ground_mask()
+    assert mask.shape == SHAPE[:2]
+    assert not mask[:30].any(), "the sky is taken for ground"
+    assert mask[-10:].all(), "the ground before the balls is missing"
+    assert not mask[64, 65], "the diffuse ball is taken for ground"
+    assert not mask[64, 135]
 
 
 def test_different_sizes_are_refused() -> None:

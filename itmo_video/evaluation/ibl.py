@@ -9,6 +9,7 @@ import math
 from dataclasses import dataclass
 from typing import Any, TypeAlias
 
+import cv2
 import numpy as np
 import numpy.typing as npt
 
@@ -17,9 +18,13 @@ from itmo_video.evaluation.fidelity import LUMINANCE_WEIGHTS
 from itmo_video.model import Float32, Float64
 
 Floats: TypeAlias = npt.NDArray[np.floating[Any]]
+Mask: TypeAlias = npt.NDArray[np.bool_]
 
 WIDTH, HEIGHT = 200, 150
 SAMPLES = 64  # a pixel; the environment is importance-sampled
+_EYE, _TARGET, _FOV_DEG = (0.0, 2.4, 6.0), (0.0, 0.7, 0.0), 40.0
+_GROUND, _RADIUS = 8.0, 0.9  # half a side of the plane
+_CENTRES = ((-1.1, 0.9, 0.0), (1.1, 0.9, 0.0))
 SEED = 7  # the same for every panorama, so that noise is alike on both sides
 
 
@@ -27,12 +32,14 @@ SEED = 7  # the same for every panorama, so that noise is alike on both sides
 class Lighting:
     """How renders by a converted panorama agree with renders by the true one.
 
-    `error` is the root mean square difference of luminance over the true mean. Shadows: `sharpness`
-    is the 99th percentile of the gradient on the ground, stops a pixel, and `depth` the stops from
-    its median to its 2nd percentile; each of the test and of the truth.
+    `error` is the root mean square difference of luminance, where plane or balls are seen, over the
+    true mean; `exposed_error` the same after the one exposure that makes it least. Of shadows, of
+    the test and of the truth: `sharpness` is the 99th percentile of the gradient on the ground,
+    stops a pixel, and `depth` the stops from its median to its 2nd percentile.
     """
 
     error: float
+    exposed_error: float
     sharpness: tuple[float, float]
     depth: tuple[float, float]
 
@@ -57,8 +64,8 @@ def render_lit(panorama: Floats) -> Float32:
 
 def _scene(mi: Any, bitmap: Any) -> dict[str, Any]:
     move = mi.ScalarTransform4f
-    view = move().look_at(origin=[0, 2.4, 6.0], target=[0, 0.7, 0], up=[0, 1, 0])
-    ground = move().rotate([1, 0, 0], -90).scale(8)
+    view = move().look_at(origin=list(_EYE), target=list(_TARGET), up=[0, 1, 0])
+    ground = move().rotate([1, 0, 0], -90).scale(_GROUND)
     film = {"type": "hdrfilm", "width": WIDTH, "height": HEIGHT, "rfilter": {"type": "box"}}
     grey = {"type": "diffuse", "reflectance": {"type": "rgb", "value": 0.6}}
     metal = {"type": "roughconductor", "material": "Al", "alpha": 0.2}
@@ -67,15 +74,15 @@ def _scene(mi: Any, bitmap: Any) -> dict[str, Any]:
         "integrator": {"type": "path", "max_depth": 4},
         "sensor": {
             "type": "perspective",
-            "fov": 40,
+            "fov": _FOV_DEG,
             "to_world": view,
             "film": film,
             "sampler": {"type": "independent", "sample_count": SAMPLES},
         },
         "light": {"type": "envmap", "bitmap": bitmap},
         "plane": {"type": "rectangle", "to_world": ground, "bsdf": grey},
-        "diffuse": {"type": "sphere", "center": [-1.1, 0.9, 0], "radius": 0.9, "bsdf": grey},
-        "metal": {"type": "sphere", "center": [1.1, 0.9, 0], "radius": 0.9, "bsdf": metal},
+        "diffuse": {"type": "sphere", "center": list(_CENTRES[0]), "radius": _RADIUS, "bsdf": grey},
+        "metal": {"type": "sphere", "center": list(_CENTRES[1]), "radius": _RADIUS, "bsdf": metal},
     }
 
 
@@ -87,14 +94,51 @@ def compare_lit(test: Floats, truth: Floats) -> Lighting:
     if test.shape != truth.shape:
         raise ValueError(f"renders differ in size: {test.shape} and {truth.shape}")
     a, b = (np.asarray(x, np.float64) @ np.array(LUMINANCE_WEIGHTS) for x in (test, truth))
-    error = math.sqrt(float(np.mean((a - b) ** 2))) / float(np.mean(b))
+    lit = np.logical_or(*_what_is_seen())
+    x, y = a[lit], b[lit]
+    exposure = float(x @ y) / max(float(x @ x), 1e-30)
+    error, exposed = (
+        math.sqrt(float(np.mean((scale * x - y) ** 2))) / float(np.mean(y))
+        for scale in (1.0, exposure)
+    )
     (sharp_a, deep_a), (sharp_b, deep_b) = _shadow(a), _shadow(b)
-    return Lighting(error, (sharp_a, sharp_b), (deep_a, deep_b))
+    return Lighting(error, exposed, (sharp_a, sharp_b), (deep_a, deep_b))
 
 
 def _shadow(luminance: Float64) -> tuple[float, float]:
-    # The lower third sees nothing but the ground: the balls end above it.
-    ground = np.log2(np.maximum(luminance[luminance.shape[0] * 2 // 3 :], 1e-9))
-    slope = np.hypot(*np.gradient(ground))
-    depth = float(np.median(ground) - np.percentile(ground, 2))
-    return float(np.percentile(slope, 99)), depth
+    # A median takes the render's noise off the ground and leaves the shadow's edge where it is.
+    smooth = cv2.medianBlur(luminance.astype(np.float32), 5)
+    stops = np.log2(np.maximum(smooth, 1e-9).astype(np.float64))
+    slope = np.hypot(*np.gradient(stops))
+    ground = ground_mask()
+    depth = float(np.median(stops[ground]) - np.percentile(stops[ground], 2))
+    return float(np.percentile(slope[ground], 99)), depth
+
+
+def ground_mask() -> Mask:
+    """Pixels, (HEIGHT, WIDTH), that see the plane and whose neighbours do, too."""
+    ground, _ = _what_is_seen()
+    return np.asarray(cv2.erode(ground.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0)
+
+
+def _what_is_seen() -> tuple[Mask, Mask]:
+    """Pixels that see the plane, and pixels that see a ball; the others see the panorama."""
+    eye, target = np.array(_EYE), np.array(_TARGET)
+    forward = (target - eye) / np.linalg.norm(target - eye)
+    right = np.cross(forward, [0.0, 1.0, 0.0])
+    right /= np.linalg.norm(right)
+    half = math.tan(math.radians(_FOV_DEG / 2))
+    x = (2 * (np.arange(WIDTH) + 0.5) / WIDTH - 1) * half
+    y = (1 - 2 * (np.arange(HEIGHT) + 0.5) / HEIGHT) * half * HEIGHT / WIDTH
+    up = np.cross(right, forward)
+    ray = forward + x[None, :, None] * right + y[:, None, None] * up
+    ray /= np.linalg.norm(ray, axis=-1, keepdims=True)
+    with np.errstate(divide="ignore"):
+        at = eye + ray * (-eye[1] / ray[..., 1:2])
+    ground = (ray[..., 1] < 0) & (np.abs(at[..., [0, 2]]) < _GROUND).all(axis=-1)
+    balls = np.zeros_like(ground)
+    for centre in _CENTRES:
+        to_ball = np.array(centre) - eye
+        along = ray @ to_ball
+        balls |= to_ball @ to_ball - along * along <= _RADIUS**2
+    return ground & ~balls, balls

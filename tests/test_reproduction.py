@@ -1,0 +1,61 @@
+"""The reproduction's scripts run on a folder that the user names, here with a made-up Memorial."""
+
+from __future__ import annotations
+
+import sys
+from importlib import import_module
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+SCRIPTS = Path(__file__).resolve().parent.parent / "docs" / "reproduction"
+NAMES = ("common", "table1", "figures", "table2")
+
+
+@pytest.fixture
+def data(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A data folder with one small picture, and the scripts on the path."""
+    (tmp_path / "hdr_images").mkdir()
+    (tmp_path / "panoramas").mkdir()
+    rng = np.random.default_rng(0)
+    grey = np.exp(rng.normal(-3.5, 1.5, (400, 360))).astype(np.float32)
+    grey[80:150, 150:220] = 40
+    cv2.imwrite(str(tmp_path / "hdr_images" / "memorial.hdr"), np.dstack([grey] * 3))
+    monkeypatch.syspath_prepend(str(SCRIPTS))
+    for name in NAMES:
+        monkeypatch.delitem(sys.modules, name, raising=False)
+    monkeypatch.setattr(sys, "argv", ["script", str(tmp_path)])
+    monkeypatch.setattr(import_module("common"), "IMAGES", tmp_path / "images")
+    return tmp_path
+
+
+def test_table_1_tells_what_is_missing(data: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    import_module("table1").main()
+    out = capsys.readouterr().out
+    assert out.count("| memorial.hdr |") == 2
+    assert "| Tree.exr | not in" in out
+
+
+def test_an_exposure_factor_is_found(data: Path) -> None:
+    table1 = import_module("table1")
+    world = np.full((4, 4), 0.25, np.float32)
+    assert table1.exposure_for(world, 1.0, 0.0) == pytest.approx(4, rel=1e-5)
+    assert table1.averages(4 * world, 0.0) == (pytest.approx(1), pytest.approx(1))
+
+
+def test_figures_are_made(data: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    import_module("figures").main()
+    assert sorted(p.name for p in (data / "images").iterdir()) == [
+        f"figure{i}.png" for i in (1, 3, 4, 5, 6)
+    ]
+    assert "figure 6" in capsys.readouterr().out
+
+
+def test_table_2_compares_all_operators(data: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    import_module("table2").main()
+    out = capsys.readouterr().out
+    assert "| memorial * |" in out
+    for name in ("SDR as it is", "huo2014", "bt2446c", "banterle2007"):
+        assert f"| {name} |" in out, f"{name} is not in the benchmark"
