@@ -12,9 +12,9 @@ from contextlib import contextmanager, suppress
 from itertools import islice
 from typing import TYPE_CHECKING, Any
 
-from itmo_video.chunks import Outcome, cut_into_chunks, make_chunk
+from itmo_video.chunks import Outcome, cut_into_chunks, try_chunk
 from itmo_video.conversion import Executor, Job, OnEvent, Summary
-from itmo_video.errors import ClusterError, DamagedInputError, UsageError
+from itmo_video.errors import ClusterError, DamagedInputError, ItmoError, UsageError
 from itmo_video.pipeline import default_jobs
 
 if TYPE_CHECKING:
@@ -98,7 +98,7 @@ def _run(client: Any, job: Job, summary: Summary, on_event: OnEvent) -> list[Dam
             # Two for each thread keep it busy; a film has more chunks than a scheduler should hold.
             room = 2 * _threads(client) - len(in_flight)
             for chunk in islice(chunks, max(0, room)):
-                in_flight.add(client.submit(make_chunk, chunk, pure=False))
+                in_flight.add(client.submit(try_chunk, chunk, pure=False))
             if not in_flight:
                 return list(ended.values())
             try:
@@ -147,6 +147,8 @@ def _outcome(future: Any) -> Outcome:
             f"a worker cannot load what it needs: {error}",
             remedy=f"Install itmo_video there, too, then {AGAIN}",
         ) from error
+    if isinstance(outcome, ItmoError):
+        raise outcome
     assert isinstance(outcome, Outcome)
     return outcome
 

@@ -167,11 +167,31 @@ def test_local_interrupted(
     finally:
         process.kill()
     assert process.returncode == code, told
+    told = "".join(line for line in told.splitlines(True) if "tracemalloc" not in line)
     assert told.count("\n") <= 4, f"more than notices and the last word: {told}"
     assert broken_frames(tmp_path) == temp_files(tmp_path) == []
     assert not [pid for pid in pids if Path(f"/proc/{pid}").exists()], "workers live on"
     convert(clip, tmp_path, SETTINGS)
     assert files(tmp_path) == whole
+
+
+@needs_dask
+def test_local_without_its_folder(clip: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    local = ("--scheduler", "local", "--jobs", 2, "--durable", "--json", "--quiet")
+    process = start("convert", clip, out, *FLAGS, *local)
+    try:
+        wait_for_frames(process, 1)
+        out.rename(tmp_path / "moved")
+        _, told = process.communicate(timeout=60)
+    finally:
+        process.kill()
+    assert process.returncode == 5, told
+    assert "same command again" in told
+    told = "".join(line for line in told.splitlines(True) if "tracemalloc" not in line)
+    assert told.count("\n") == 2, f"an error is two lines, from a worker, too: {told}"
+    assert broken_frames(tmp_path / "moved") == []
+    assert not out.exists()
 
 
 @pytest.fixture
