@@ -10,6 +10,7 @@ import logging
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from itertools import islice
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
 from itmo_video.chunks import Outcome, cut_into_chunks, try_chunk
@@ -56,6 +57,7 @@ def _connected(address: str, job: Job) -> Iterator[Client]:
 
     if address == "local":
         with (
+            TemporaryDirectory(prefix="itmo-dask-", ignore_cleanup_errors=True) as scratch,
             LocalCluster(
                 n_workers=job.run.jobs or default_jobs(),
                 threads_per_worker=1,
@@ -63,6 +65,7 @@ def _connected(address: str, job: Job) -> Iterator[Client]:
                 dashboard_address=None,
                 memory_limit=0,  # the pipeline bounds its own; a worker must not be killed for it
                 silence_logs=logging.ERROR,
+                local_directory=scratch,  # the common one fills with what killed workers left
                 preload="itmo_video.chunks",  # see its dask_setup
             ) as cluster,
             Client(cluster, set_as_default=False) as client,

@@ -139,7 +139,8 @@ def test_local_with_a_worker_killed(clip: Path, whole: dict[str, bytes], tmp_pat
     local = ("--scheduler", "local", "--jobs", 2, "--durable", "--json")
     process = start("convert", clip, tmp_path, *FLAGS, *local)
     try:
-        wait_until(lambda: frames_in(tmp_path) >= 8, "frames")
+        wait_until(lambda: frames_in(tmp_path) >= 8 or process.poll() is not None, "frames")
+        assert process.poll() is None, process.communicate()
         pids = worker_pids(process.pid)
         assert len(pids) == 2, "--jobs 2 means two worker processes"
         os.kill(pids[0], signal.SIGKILL)
