@@ -10,7 +10,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 
 from itmo_video.conversion import Job, Summary, frames_to_make, render_job
-from itmo_video.errors import ClusterError, DamagedInputError, InputError, OutputError
+from itmo_video.errors import ClusterError, DamagedInputError, InputError, ItmoError, OutputError
 from itmo_video.folder import OutputFolder, read_manifest
 from itmo_video.frame_ranges import format_ranges
 from itmo_video.plan import ALGORITHM, RunOptions, input_options, make_plan
@@ -105,6 +105,14 @@ def make_chunk(chunk: Chunk) -> Outcome:
         summary.bytes_written,
         tuple(ended),
     )
+
+
+def try_chunk(chunk: Chunk) -> Outcome | ItmoError:
+    """As make_chunk, with expected errors returned: Dask would log a raised one as a traceback."""
+    try:
+        return make_chunk(chunk)
+    except ItmoError as error:
+        return error
 
 
 def dask_setup(worker: object) -> None:

@@ -10,11 +10,12 @@ import logging
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from itertools import islice
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
-from itmo_video.chunks import Outcome, cut_into_chunks, make_chunk
+from itmo_video.chunks import Outcome, cut_into_chunks, try_chunk
 from itmo_video.conversion import Executor, Job, OnEvent, Summary
-from itmo_video.errors import ClusterError, DamagedInputError, UsageError
+from itmo_video.errors import ClusterError, DamagedInputError, ItmoError, UsageError
 from itmo_video.pipeline import default_jobs
 
 if TYPE_CHECKING:
@@ -56,6 +57,7 @@ def _connected(address: str, job: Job) -> Iterator[Client]:
 
     if address == "local":
         with (
+            TemporaryDirectory(prefix="itmo-dask-", ignore_cleanup_errors=True) as scratch,
             LocalCluster(
                 n_workers=job.run.jobs or default_jobs(),
                 threads_per_worker=1,
@@ -63,6 +65,7 @@ def _connected(address: str, job: Job) -> Iterator[Client]:
                 dashboard_address=None,
                 memory_limit=0,  # the pipeline bounds its own; a worker must not be killed for it
                 silence_logs=logging.ERROR,
+                local_directory=scratch,  # the common one fills with what killed workers left
                 preload="itmo_video.chunks",  # see its dask_setup
             ) as cluster,
             Client(cluster, set_as_default=False) as client,
@@ -98,7 +101,7 @@ def _run(client: Any, job: Job, summary: Summary, on_event: OnEvent) -> list[Dam
             # Two for each thread keep it busy; a film has more chunks than a scheduler should hold.
             room = 2 * _threads(client) - len(in_flight)
             for chunk in islice(chunks, max(0, room)):
-                in_flight.add(client.submit(make_chunk, chunk, pure=False))
+                in_flight.add(client.submit(try_chunk, chunk, pure=False))
             if not in_flight:
                 return list(ended.values())
             try:
@@ -147,6 +150,8 @@ def _outcome(future: Any) -> Outcome:
             f"a worker cannot load what it needs: {error}",
             remedy=f"Install itmo_video there, too, then {AGAIN}",
         ) from error
+    if isinstance(outcome, ItmoError):
+        raise outcome
     assert isinstance(outcome, Outcome)
     return outcome
 

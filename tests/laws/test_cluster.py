@@ -139,7 +139,8 @@ def test_local_with_a_worker_killed(clip: Path, whole: dict[str, bytes], tmp_pat
     local = ("--scheduler", "local", "--jobs", 2, "--durable", "--json")
     process = start("convert", clip, tmp_path, *FLAGS, *local)
     try:
-        wait_until(lambda: frames_in(tmp_path) >= 8, "frames")
+        wait_until(lambda: frames_in(tmp_path) >= 8 or process.poll() is not None, "frames")
+        assert process.poll() is None, process.communicate()
         pids = worker_pids(process.pid)
         assert len(pids) == 2, "--jobs 2 means two worker processes"
         os.kill(pids[0], signal.SIGKILL)
@@ -167,11 +168,31 @@ def test_local_interrupted(
     finally:
         process.kill()
     assert process.returncode == code, told
+    told = "".join(line for line in told.splitlines(True) if "tracemalloc" not in line)
     assert told.count("\n") <= 4, f"more than notices and the last word: {told}"
     assert broken_frames(tmp_path) == temp_files(tmp_path) == []
     assert not [pid for pid in pids if Path(f"/proc/{pid}").exists()], "workers live on"
     convert(clip, tmp_path, SETTINGS)
     assert files(tmp_path) == whole
+
+
+@needs_dask
+def test_local_without_its_folder(clip: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    local = ("--scheduler", "local", "--jobs", 2, "--durable", "--json", "--quiet")
+    process = start("convert", clip, out, *FLAGS, *local)
+    try:
+        wait_for_frames(process, 1)
+        out.rename(tmp_path / "moved")
+        _, told = process.communicate(timeout=60)
+    finally:
+        process.kill()
+    assert process.returncode == 5, told
+    assert "same command again" in told
+    told = "".join(line for line in told.splitlines(True) if "tracemalloc" not in line)
+    assert told.count("\n") == 2, f"an error is two lines, from a worker, too: {told}"
+    assert broken_frames(tmp_path / "moved") == []
+    assert not out.exists()
 
 
 @pytest.fixture
