@@ -1,0 +1,94 @@
+"""Flicker of the map along true motion: per frame, blended and tracked, on panned panoramas.
+
+    python tests/studies/flicker_study.py PAN_CLIP.py PANORAMA... [--motions pan,shake,static]
+
+PAN_CLIP.py makes the clips (24 frames of 384x216, h264). Prints a table in Markdown: map flicker of
+`--preset paper --temporal per-frame` (P), of `paper` blended (PB), of `default` blended (DB) and of
+`default` (D); the ratios; and how like the per-frame maps the tracked ones are.
+"""
+
+from __future__ import annotations
+
+import argparse
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from itmo_video import convert, make_settings, read_exr
+from itmo_video.evaluation import flicker, sequence
+
+KINDS = {
+    "P": ("paper", "per-frame"),
+    "PB": ("paper", "blend"),
+    "DB": ("default", "blend"),
+    "D": ("default", "tracked"),
+}
+
+
+def make_clip(tool: Path, panorama: Path, motion: str, work: Path) -> Path:
+    """A clip with known motion, made once."""
+    out = work / f"{panorama.stem}_{motion}"
+    if not (out / "motion.json").exists():
+        size = ["--frames", "24", "--size", "384x216", "--motion", motion]
+        subprocess.run([sys.executable, str(tool), str(panorama), str(out), *size], check=True)
+    return out
+
+
+def maps(clip: Path, kind: str) -> list[npt.NDArray[np.float32]]:
+    """The full-size maps of a conversion."""
+    preset, temporal = KINDS[kind]
+    chosen = {"temporal": temporal, "layers": ("expand_map",), "compression": "none"}
+    with tempfile.TemporaryDirectory() as folder:
+        convert(clip / "sdr.mkv", folder, make_settings(preset, **chosen))
+        files = sequence.exr_files(Path(folder))
+        return [read_exr(f).channels["expand_map.Y"].astype(np.float32) for f in files]
+
+
+def along_motion(found: list[npt.NDArray[np.float32]], origins: sequence.Origins) -> float:
+    """Mean absolute change from frame to frame."""
+    steps = []
+    for n in range(1, len(found)):
+        (xa, ya), (xb, yb) = origins[n - 1], origins[n]
+        flow, valid = flicker.known_flow(found[n].shape[:2], xb - xa, yb - ya)
+        steps.append(flicker.change_along(found[n - 1], found[n], flow, valid))
+    return float(np.mean(steps))
+
+
+def main() -> None:
+    """Print the table."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("pan_clip", type=Path)
+    parser.add_argument("panoramas", type=Path, nargs="+")
+    parser.add_argument("--motions", default="pan,shake,static")
+    parser.add_argument("--work", type=Path, default=Path(tempfile.gettempdir()) / "itmo-flicker")
+    args = parser.parse_args()
+    args.work.mkdir(exist_ok=True)
+    print("| scene | motion | P | PB | DB | D | P/D | PB/D | DB/D | mean | correlation |")
+    print("|---|---|---|---|---|---|---|---|---|---|---|")
+    ratios = []
+    for panorama in args.panoramas:
+        for motion in args.motions.split(","):
+            clip = make_clip(args.pan_clip, panorama, motion, args.work)
+            origins = sequence.read_origins(clip / "motion.json")
+            found = {kind: maps(clip, kind) for kind in KINDS}
+            f = {kind: along_motion(found[kind], origins) for kind in KINDS}
+            mean = np.mean(found["D"]) / np.mean(found["P"])
+            alike = [
+                np.corrcoef(a.ravel(), b.ravel())[0, 1]
+                for a, b in zip(found["D"], found["P"], strict=True)
+            ]
+            if motion != "static":
+                ratios.append(f["P"] / f["D"])
+            cells = " | ".join(f"{f[kind]:.5f}" for kind in KINDS)
+            over = " | ".join(f"{f[kind] / f['D']:.1f}" for kind in ("P", "PB", "DB"))
+            row = f"{cells} | {over} | {mean:.2f} | {np.mean(alike):.2f} |"
+            print(f"| {panorama.stem} | {motion} | {row}", flush=True)
+    print(f"\nP/D over moving scenes: mean {np.mean(ratios):.1f}, least {np.min(ratios):.1f}")
+
+
+if __name__ == "__main__":
+    main()
