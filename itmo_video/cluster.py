@@ -62,7 +62,7 @@ def _connected(address: str, job: Job) -> Iterator[Client]:
                 n_workers=job.run.jobs or default_jobs(),
                 threads_per_worker=1,
                 processes=True,
-                dashboard_address=None,
+                dashboard_address="127.0.0.1:0",  # None would mean 8787 for all the world, if free
                 memory_limit=0,  # the pipeline bounds its own; a worker must not be killed for it
                 silence_logs=logging.ERROR,
                 local_directory=scratch,  # the common one fills with what killed workers left
