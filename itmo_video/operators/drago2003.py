@@ -41,18 +41,29 @@ def curve_drago2003(luminance: Floats, context: Context) -> Floats:
 
 
 @lru_cache(maxsize=16)
-def _inverse(world_max: float, bias: float) -> tuple[Float64, Float64]:
-    """Display luminance, rising, and world luminance, close together at black."""
-    world = world_max * np.linspace(0, 1, _SAMPLES)[1:] ** 3
-    return forward(world, world_max, bias), world
+def _gains(world_max: float, bias: float) -> Float32:
+    """World over display luminance at even steps of the display's fourth root, from 0 to 1.
+
+    Even so, because the curve leaves black as a small power.
+    """
+    world = world_max * np.linspace(0, 1, 4 * _SAMPLES)[1:] ** 4
+    display = forward(world, world_max, bias)
+    wanted = np.maximum(np.linspace(0, 1, _SAMPLES + 1) ** 4, FLOOR)
+    return np.asarray(np.interp(wanted, display, world / display), np.float32)
 
 
 def gain_drago2003(luminance: Float32, context: Context) -> Float32:
     """`curve_drago2003` over L_d, from a table."""
     adaptation = context.params["adaptation"]
-    display, world = _inverse(context.l_max / adaptation, context.params["bias"])
-    above = np.maximum(luminance, np.float32(FLOOR))
-    return np.asarray(np.interp(above, display, world / display) * adaptation, np.float32)
+    table = _gains(context.l_max / adaptation, context.params["bias"])
+    at = np.sqrt(np.sqrt(luminance))
+    at *= np.float32(_SAMPLES)
+    index = np.minimum(at.astype(np.int32), _SAMPLES - 1)
+    at -= index
+    low = table[index]
+    low += at * (table[index + 1] - low)
+    low *= np.float32(adaptation)
+    return low
 
 
 OPERATORS = (
