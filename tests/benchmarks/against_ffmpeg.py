@@ -9,6 +9,7 @@ a round run one after the other on the same clip: its ratios compare like with l
 from __future__ import annotations
 
 import argparse
+import multiprocessing
 import os
 import shutil
 import statistics
@@ -23,6 +24,8 @@ from pathlib import Path
 import av
 import cv2
 import numpy as np
+
+SPAWN = multiprocessing.get_context("spawn")
 
 
 @dataclass(frozen=True)
@@ -103,10 +106,18 @@ def main() -> None:
     work = args.work or Path(tempfile.mkdtemp(prefix="itmo-bench-"))
     work.mkdir(exist_ok=True)
     n, out = args.frames, work / "out"
-    hd = make_clip(work / "hd8.mp4", 1920, 1080, n, "yuv420p")
-    hd10 = make_clip(work / "hd10.mp4", 1920, 1080, n, "yuv420p10le")
-    uhd = make_clip(work / "uhd8.mp4", 3840, 2160, n // 2, "yuv420p")
-    uhd10 = make_clip(work / "uhd10.mp4", 3840, 2160, n // 2, "yuv420p10le")
+    hd, hd10 = work / "hd8.mp4", work / "hd10.mp4"
+    uhd, uhd10 = work / "uhd8.mp4", work / "uhd10.mp4"
+    for path, width, height, count, pixel_format in (
+        (hd, 1920, 1080, n, "yuv420p"),
+        (hd10, 1920, 1080, n, "yuv420p10le"),
+        (uhd, 3840, 2160, n // 2, "yuv420p"),
+        (uhd10, 3840, 2160, n // 2, "yuv420p10le"),
+    ):
+        # In a process of its own: a child's peak memory begins at its parent's.
+        making = SPAWN.Process(target=make_clip, args=(path, width, height, count, pixel_format))
+        making.start()
+        making.join()
 
     # name: (command, frames, pinned cores, the row that it is compared with)
     rows: dict[str, tuple[list[str], int, int | None, str | None]] = {
