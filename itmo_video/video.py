@@ -22,6 +22,8 @@ from itmo_video.probe import content_digest
 from itmo_video.tags import InputOptions
 
 _LEAD_IN = 4  # frames decoded ahead, so that the deinterlacer has its neighbours
+_FILM_CODECS = ("mpeg2video", "vc1")  # in which films are telecined frame by frame
+_SAMPLE = 30  # frames looked at for telecine
 _INTERLACED = {2: "tff", 3: "bff", 4: "tff", 5: "bff"}  # FFmpeg's AVFieldOrder
 _INDEXED = ("mov", "matroska", "avi", "mxf")  # containers that are read by whole packets
 _LIMITED_GREY = ("h264", "hevc", "av1", "libdav1d", "vp9", "mpeg2video", "mpeg4")
@@ -84,9 +86,21 @@ class VideoClip(Clip):
             if is_interlaced or self._options.deinterlace == "force":
                 done = "deinterlaced" if self._deinterlace else "left as it is"
                 notices.append(f"it is {'' if is_interlaced else 'not '}flagged interlaced: {done}")
+            if is_interlaced or codec in _FILM_CODECS:
+                notices += self._mixture()
             if not self._packets.is_exact:
                 notices.append("its time stamps are incomplete: frames are counted from the start")
             self.info = self._describe(container, stream, shown, order, notices)
+
+    def _mixture(self) -> list[str]:
+        """A word about telecine: interlaced and progressive frames in turn in the first frames."""
+        flags = [bool(frame.interlaced_frame) for frame in islice(self._decoded(None), _SAMPLE)]
+        if all(flags) or not any(flags):
+            return []
+        return [
+            f"{sum(flags)} of its first {len(flags)} frames are interlaced, the others not: telecined "
+            "film, perhaps; no inverse telecine is done"
+        ]
 
     def _first_frame(self, is_doubtful: bool) -> Any:
         """The first frame that decodes; finds out on the way whether packets can be counted."""

@@ -58,3 +58,31 @@ def test_a_variable_rate_becomes_constant(tmp_path: Path) -> None:
     summary = convert(clip, tmp_path / "o", make_settings(fps="25", compression="none"))
     length = times[-1] - times[0]
     assert abs(summary.written / 25 - length) < np.diff(times).max() + 0.04
+
+
+def test_mixed_telecine_is_told(tmp_path: Path) -> None:
+    """MPEG-2 frames of which every third is coded interlaced, as telecined film is."""
+    import av
+
+    from itmo_video.video import VideoClip
+
+    path = tmp_path / "film.mkv"
+    with av.open(str(path), "w") as box:
+        stream = box.add_stream("mpeg2video", rate=24)
+        stream.width, stream.height, stream.pix_fmt = 96, 64, "yuv420p"
+        for n, rgb in enumerate(moving_scene(12)):
+            frame = av.VideoFrame.from_ndarray(rgb, "rgb24").reformat(format="yuv420p")
+            frame.pts = n
+            box.mux(stream.encode(frame))
+        box.mux(stream.encode())
+    with open_clip(path) as clip:
+        assert not any("telecine" in notice for notice in clip.info.notices)
+        assert isinstance(clip, VideoClip)
+
+        class Fake:
+            def __init__(self, interlaced: bool) -> None:
+                self.interlaced_frame = interlaced
+
+        clip._decoded = lambda entry: iter([Fake(n % 3 == 0) for n in range(12)])
+        (told,) = clip._mixture()
+    assert told.startswith("4 of its first 12 frames are interlaced")
