@@ -98,8 +98,8 @@ class VideoClip(Clip):
         if all(flags) or not any(flags):
             return []
         return [
-            f"{sum(flags)} of its first {len(flags)} frames are interlaced, the others not: telecined "
-            "film, perhaps; no inverse telecine is done"
+            f"{sum(flags)} of its first {len(flags)} frames are interlaced, others not: perhaps "
+            "telecined film; no inverse telecine is done"
         ]
 
     def _first_frame(self, is_doubtful: bool) -> Any:
