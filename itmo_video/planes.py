@@ -69,7 +69,8 @@ def read_picture(frame: Any) -> Picture:
             return _packed_yuv(frame, _PACKED_YUV[name])
         if _SEMI_PLANAR.fullmatch(name):
             return _semi_planar(frame, name)
-    return read_picture(frame.reformat(format=_unpacked(frame.format)))
+    # One thread: swscale's slices write past their last row's end, into what another has written.
+    return read_picture(frame.reformat(format=_unpacked(frame.format), threads=1))
 
 
 def _unpacked(form: Any) -> str:
