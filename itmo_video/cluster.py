@@ -55,6 +55,9 @@ def cluster_executor(address: str) -> Executor:
 def _connected(address: str, job: Job) -> Iterator[Client]:
     from distributed import Client, LocalCluster
 
+    # An interrupt between two lines of distributed's `sync` makes its own callback fail, which
+    # tornado would tell as a traceback; the interrupt itself is told in our words.
+    logging.getLogger("tornado.application").setLevel(logging.CRITICAL)
     if address == "local":
         with (
             TemporaryDirectory(prefix="itmo-dask-", ignore_cleanup_errors=True) as scratch,
