@@ -254,8 +254,7 @@ def spans(
     def smooth(key: Key) -> Float32:
         index = key.placed.analysed.index
         if index not in smoothed:
-            at = next(i for i, k in enumerate(shot) if k is key)
-            smoothed[index] = smooth_map(shot, at, smooth_keys)
+            smoothed[index] = smooth_map(shot, shot.index(key), smooth_keys)
         return smoothed[index]
 
     def ready(count_ahead: int) -> Iterator[Span]:

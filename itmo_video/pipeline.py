@@ -92,9 +92,8 @@ def spans_of(
             on_end(error)
 
     def key_map(analysed: Analysed) -> Float32:
-        if not look.needs_map:
-            return _no_map(analysed)
-        return make_key_map(analysed.frame, look)
+        # Where no map is used the spans still pair frames; nobody looks at what stands in for it.
+        return make_key_map(analysed.frame, look) if look.needs_map else analysed.tiny
 
     settings = look.settings
     placed = keyframes.place(source(), settings.key_reach, run.start)
@@ -189,8 +188,3 @@ def render_frames(
     finally:
         pool.shutdown(wait=True, cancel_futures=True)
     return ended
-
-
-def _no_map(analysed: Analysed) -> Float32:
-    # Where no map is used the spans still pair frames; a one-pixel map keeps them cheap.
-    return analysed.tiny
