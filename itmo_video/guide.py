@@ -65,12 +65,17 @@ class FullMap:
     """A map at analysis size, brought up to the frame's size a strip of rows at a time."""
 
     def __init__(
-        self, map_small: Float32, frame: Frame, guide: Float32, settings: Settings
+        self,
+        map_small: Float32,
+        frame: Frame,
+        guide: Float32,
+        settings: Settings,
+        edge_aware: bool,
     ) -> None:
         self._frame = frame
         self._small: tuple[Float32, ...] = (map_small,)
         self._wraps = settings.projection == "latlong"
-        if settings.edge_aware:
+        if edge_aware:
             height, width = map_small.shape
             radius = expand_map.scaled_radius_px(settings.radius, width, height)
             radius_px = max(1, round(radius))

@@ -91,6 +91,8 @@ def make_key_map(frame: Frame, look: Look) -> Float32:
     """
     settings = look.settings
     width, height = analysis_size(*frame.size, settings.map_width)
+    if look.operator.make_map_rgb is not None:
+        return _rgb_map(frame, (width, height), look)
     luminance = frame_luminance(frame)
     make_map = look.operator.make_map
     context = None if make_map is None else _context(luminance, look)
@@ -113,6 +115,36 @@ def make_key_map(frame: Frame, look: Look) -> Float32:
     else:
         key_map[inner] = _density(luminance[inner], None, settings)
     return key_map
+
+
+def _rgb_map(frame: Frame, size: tuple[int, int], look: Look) -> Float32:
+    """The map of an operator that makes it from linear RGB at analysis size, bars left out."""
+    assert look.operator.make_map_rgb is not None
+    context, wraps = _context(None, look), look.settings.projection == "latlong"
+    rgb = frame_rgb_small(frame, size)
+    if wraps:
+        return look.operator.make_map_rgb(rgb, context, True)
+    edge = find_bars(luminance_of([rgb[..., c] for c in range(3)]))
+    inner = (
+        slice(edge.top, size[1] - edge.bottom),
+        slice(edge.left, size[0] - edge.right),
+    )
+    key_map = np.zeros((size[1], size[0]), np.float32)
+    key_map[inner] = look.operator.make_map_rgb(rgb[inner], context, False)
+    return key_map
+
+
+def frame_rgb_small(frame: Frame, size: tuple[int, int]) -> Float32:
+    """Linear RGB of a frame, area-averaged to (width, height): float32 (H, W, 3) in [0, 1]."""
+    width, height = frame.size
+    planes = [np.empty((height, width), np.float32) for _ in range(3)]
+    for rows in strips(height):
+        r, g, b = (plane[rows] for plane in planes)
+        colour.strip_to_rgb_linear(frame, rows, True, (r, g, b))
+    if size != frame.size:
+        planes = [cv2.resize(p, size, interpolation=cv2.INTER_AREA) for p in planes]
+    small = np.stack([plane.reshape(size[1], size[0]) for plane in planes], axis=-1)
+    return np.clip(small, 0, 1, out=small)
 
 
 def _context(luminance: Float32 | None, look: Look) -> Context:
@@ -162,10 +194,12 @@ def render(
     if guide is None:
         guide = analysis_guide(frame, settings.map_width)
     weights = None
+    gain_greatest = look.operator.gain_greatest
+    edge_aware = settings.edge_aware and gain_greatest is None
     if map_small is not None and look.needs_map:
-        weights = FullMap(map_small, frame, guide, settings)
+        weights = FullMap(map_small, frame, guide, settings, edge_aware)
     guard = NoiseGuard(frame, guide) if settings.noise_guard else None
-    needs_codes = guard is not None or (weights is not None and settings.edge_aware)
+    needs_codes = guard is not None or (weights is not None and edge_aware)
     # A gain of L'max on a pixel of one pure primary may pass what a half can hold.
     limit = settings.alpha is not None or not clip or 20 * context.l_max > HALF_MAX
     alpha = _alpha(frame)
@@ -174,17 +208,21 @@ def render(
     for rows in strips(height):
         rgb = _buffers(rows, width)
         colour.strip_to_rgb_linear(frame, rows, clip, rgb)
-        luminance = luminance_of(rgb)
-        np.clip(luminance, 0, 1, out=luminance)
+        # What the gain is found from: luminance, or the greatest channel for one that asks for it.
+        drive = luminance_of(rgb) if gain_greatest is None else _greatest(rgb)
+        np.clip(drive, 0, 1, out=drive)
         codes = guide_codes(frame, rows=rows) if needs_codes else None
         if guard is not None and codes is not None:
-            luminance = guard.smooth(luminance, rows, codes)
-        gain = look.operator.gain(luminance, context)
+            drive = guard.smooth(drive, rows, codes)
         weight = None if weights is None else weights.rows(rows, codes)
-        if weight is not None:
-            gain -= base
-            gain *= weight
-            gain += base
+        if gain_greatest is not None:
+            gain = gain_greatest(drive, weight, context)
+        else:
+            gain = look.operator.gain(drive, context)
+            if weight is not None:
+                gain -= base
+                gain *= weight
+                gain += base
         if settings.strength != 1:
             gain = (gain - np.float32(1)) * np.float32(settings.strength) + np.float32(1)
         _fill_layers(layers, rows, rgb, gain, weight)
@@ -212,8 +250,11 @@ def _fill_layers(
     if "gain.Y" in layers:
         layers["gain.Y"][rows] = gain
     if "clip_mask.Y" in layers:
-        peak = np.maximum(np.maximum(rgb[0], rgb[1]), rgb[2])
-        layers["clip_mask.Y"][rows] = peak >= np.float32(1 - 1e-6)
+        layers["clip_mask.Y"][rows] = _greatest(rgb) >= np.float32(1 - 1e-6)
+
+
+def _greatest(rgb: Sequence[Float32]) -> Float32:
+    return np.maximum(np.maximum(rgb[0], rgb[1]), rgb[2])
 
 
 def _write_strip(

@@ -237,13 +237,21 @@ def flag_name(name: str) -> str:
     return name.replace("_", "-")
 
 
+_OF_OPERATOR = ("strength", "l_white", "alpha", "operator_params")
+
+
 def make_settings(preset: str = "default", **overrides: Any) -> Settings:
     """Settings of a preset (name or TOML file) with overrides; the API's and the CLI's way in.
 
-    Of l_max and peak_nits the one that is overridden replaces the other of the preset; raises
+    Of l_max and peak_nits the one that is overridden replaces the other of the preset. Where the
+    operator is overridden, the preset's strength, l_white, alpha and operator_params, which belong
+    to its own operator, do not hold; raises
     UsageError for both, for unknown names and for values out of bounds.
     """
     values = load_preset(preset)
+    if overrides.get("operator", values.get("operator")) != values.get("operator"):
+        # What a preset sets for its own operator would cripple another one.
+        values = {name: value for name, value in values.items() if name not in _OF_OPERATOR}
     if "l_max" in overrides and "peak_nits" in overrides:
         raise UsageError("l-max and peak-nits exclude each other", remedy="Give one of the two.")
     if "peak_nits" in overrides:

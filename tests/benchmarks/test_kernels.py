@@ -75,7 +75,7 @@ class TestKernels:
         guide = analysis_guide(frame, 512)
 
         def all_rows() -> Any:
-            full = FullMap(small, frame, guide, look.settings)
+            full = FullMap(small, frame, guide, look.settings, True)
             strips = [slice(y, y + 36) for y in range(0, frame.size[1], 36)]
             return [full.rows(rows, guide_codes(frame, rows=rows)) for rows in strips]
 

@@ -1,0 +1,145 @@
+"""Scenes of known radiance, and what a camera makes of them: the samples `auto` is fitted to.
+
+A sample is a window of an HDR panorama or image under a random exposure, and the SDR frame that a
+camera would have recorded of it: linear light with shot noise, clipped channel by channel, coded
+(sRGB), rounded to 8 bits and compressed. 1.0 is the radiance that just reaches SDR white.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+BT709_WEIGHTS = np.array([0.2126, 0.7152, 0.0722], np.float32)
+LETTERS = list("ABCDEFGHIKLMNOPRSTUVWYabcdehiklmnoprstuy  0123456789")
+HELD_OUT_EVERY = 5  # every fifth scene by name is left out of the fit
+
+Float = npt.NDArray[np.float32]
+Codes = npt.NDArray[np.uint8]
+
+
+def read_hdr(path: Path) -> Float:
+    """Linear RGB (h, w, 3) of an .hdr or .exr file; what is negative or not a number becomes 0."""
+    if path.suffix.lower() == ".exr":
+        import OpenEXR
+
+        channels = OpenEXR.File(str(path), separate_channels=True).channels()
+        rgb = np.dstack([channels[name].pixels for name in "RGB"])
+    else:
+        bgr = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
+        if bgr is None:
+            raise ValueError(f"{path}: not a picture that OpenCV reads")
+        rgb = bgr[..., ::-1]
+    return np.clip(np.nan_to_num(rgb.astype(np.float32), posinf=6e4), 0, 6e4)
+
+
+def scene_paths(data: Path) -> tuple[list[Path], list[Path]]:
+    """The files to fit to and those held out: (fit, held_out), each sorted by name."""
+    folders = ("panoramas", "panoramas_more")
+    panoramas = sorted(
+        (p for f in folders for p in (data / f).glob("*") if p.suffix in {".hdr", ".exr"}),
+        key=lambda p: p.name.lower(),
+    )
+    images = sorted(p for p in (data / "hdr_images").glob("*") if p.suffix in {".hdr", ".exr"})
+    held = panoramas[2::HELD_OUT_EVERY]
+    return [p for p in panoramas if p not in held] + images, held
+
+
+def srgb_encode(linear: Float) -> Float:
+    """SRGB codes in [0, 1] of linear light in [0, 1] (IEC 61966-2-1)."""
+    curve = 1.055 * np.power(np.maximum(linear, 1e-9), 1 / 2.4) - 0.055
+    return np.where(linear <= 0.0031308, 12.92 * linear, curve).astype(np.float32)
+
+
+def window(scene: Float, size: tuple[int, int], rng: np.random.Generator) -> Float:
+    """A random window (h, w, 3) of a scene: cut out, zoomed, or seen in perspective."""
+    (height, width), (w, h) = scene.shape[:2], size
+    panorama = width == 2 * height
+    u, v = np.meshgrid(np.arange(w, dtype=np.float32), np.arange(h, dtype=np.float32))
+    if panorama and rng.random() < 0.25:  # a camera's view
+        yaw, pitch, roll = rng.uniform(0, 2 * np.pi), rng.normal(0.05, 0.3), rng.normal(0, 0.08)
+        focal = w / 2 / np.tan(np.radians(rng.uniform(55, 110)) / 2)
+        x, y = (u - w / 2) / focal, (v - h / 2) / focal
+        x, y = x * np.cos(roll) - y * np.sin(roll), x * np.sin(roll) + y * np.cos(roll)
+        y, z = y * np.cos(pitch) - np.sin(pitch), y * np.sin(pitch) + np.cos(pitch)
+        longitude = np.arctan2(x, z) + yaw
+        latitude = np.arctan2(y, np.hypot(x, z))
+        map_x = (longitude / (2 * np.pi) % 1 * width).astype(np.float32)
+        map_y = ((latitude / np.pi + 0.5) * height).astype(np.float32)
+    else:
+        zoom = 1.0 if rng.random() < 0.4 else float(np.exp(rng.uniform(np.log(0.6), np.log(1.5))))
+        zoom = min(zoom, height / h) if panorama else min(zoom, height / h, width / w)
+        x0 = rng.uniform(0, width if panorama else max(width - w * zoom, 1e-3))
+        y0 = rng.uniform(0, max(height - h * zoom, 1e-3))
+        if rng.random() < 0.4:  # where a level camera looks
+            y0 = np.clip(
+                0.45 * (height - h * zoom) + rng.normal(0, 8), 0, max(height - h * zoom, 0)
+            )
+        map_x, map_y = u * np.float32(zoom) + np.float32(x0), v * np.float32(zoom) + np.float32(y0)
+    border = cv2.BORDER_WRAP if panorama else cv2.BORDER_REFLECT_101
+    cut = np.maximum(cv2.remap(scene, map_x, map_y, cv2.INTER_LINEAR, borderMode=border), 0)
+    if rng.random() < 0.5:
+        cut = cut[:, ::-1]
+    return np.ascontiguousarray(cut, dtype=np.float32)
+
+
+def title(truth: Float, rng: np.random.Generator) -> Float:
+    """The picture with lettering of SDR white: subtitles, titles and clocks do not glow."""
+    h, w = truth.shape[:2]
+    mask = np.zeros((h, w), np.uint8)
+    for _ in range(rng.integers(1, 4)):
+        text = "".join(rng.choice(LETTERS, rng.integers(4, 28)))
+        height = rng.choice([rng.uniform(0.8, 0.97), rng.uniform(0.1, 0.9)])
+        where = (int(rng.uniform(0, 0.6) * w), int(height * h))
+        scale = float(np.exp(rng.uniform(np.log(0.35), np.log(2.5))))
+        thick = max(1, round(scale * rng.uniform(1, 3)))
+        cv2.putText(mask, text, where, int(rng.integers(0, 8)), scale, 255, thick, cv2.LINE_AA)
+    if rng.random() < 0.2:  # a card, a page, a window of a screen
+        x, y = int(rng.uniform(0, 0.7) * w), int(rng.uniform(0, 0.7) * h)
+        corner = (x + int(rng.uniform(20, 160)), y + int(rng.uniform(15, 110)))
+        cv2.rectangle(mask, (x, y), corner, 255, -1)
+    share = mask[..., None].astype(np.float32) / 255
+    return (truth * (1 - share) + np.float32(rng.uniform(0.9, 1.0)) * share).astype(np.float32)
+
+
+def expose(cut: Float, rng: np.random.Generator) -> Float:
+    """The window with 1.0 at the radiance that reaches SDR white, in some other light."""
+    tint = np.exp(rng.normal(0, 0.07, 3)).astype(np.float32)
+    cut = cut * tint
+    luminance = cut @ BT709_WEIGHTS
+    if rng.random() < 0.3:  # more or less colour
+        grey = luminance[..., None]
+        cut = np.maximum(grey + (cut - grey) * np.float32(rng.uniform(0.4, 1.3)), 0)
+    percentile = 100 - float(np.exp(rng.uniform(np.log(0.4), np.log(22))))
+    if rng.random() < 0.35:
+        percentile = float(rng.choice([85.0, 94.0, 94.0, 99.0]))
+    white = np.percentile(luminance[::2, ::2], percentile)
+    return np.minimum(cut / np.float32(max(white, 1e-6)), 6e4).astype(np.float32)
+
+
+def shoot(truth: Float, rng: np.random.Generator) -> Codes:
+    """8-bit sRGB codes (h, w, 3) of what a camera records: noisy, clipped, compressed."""
+    noise = 0.004 * (1.0 if rng.random() < 0.5 else rng.uniform(0, 3))
+    deviation = np.float32(noise) * np.sqrt(np.clip(truth, 0, 1) + np.float32(0.02))
+    shot = truth + rng.standard_normal(truth.shape, np.float32) * deviation
+    code = np.rint(srgb_encode(np.clip(shot, 0, 1)) * 255).astype(np.uint8)
+    if rng.random() < 0.85:
+        quality = int(rng.choice([rng.integers(60, 98), rng.integers(85, 98)]))
+        ok, data = cv2.imencode(".jpg", code[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, quality])
+        assert ok
+        code = cv2.imdecode(data, cv2.IMREAD_COLOR)[..., ::-1]
+    return np.ascontiguousarray(code)
+
+
+def sample(scene: Float, size: tuple[int, int], rng: np.random.Generator) -> tuple[Codes, Float]:
+    """(codes uint8 (h, w, 3), true luminance float32 (h, w)) of a random window of a scene."""
+    truth = expose(window(scene, size, rng), rng)
+    if rng.random() < 0.15:
+        truth = title(truth, rng)
+    if rng.random() < 0.05:  # letterbox
+        bar = int(rng.uniform(0.05, 0.14) * size[1])
+        truth[:bar] = truth[-bar:] = 0
+    return shoot(truth, rng), truth @ BT709_WEIGHTS

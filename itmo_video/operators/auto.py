@@ -1,0 +1,127 @@
+"""`auto`: a small network tells how far each clipped place lies above white.
+
+Fitted by docs/auto/fit.py to HDR panoramas of known radiance; its weights are auto.onnx, run by
+OpenCV's own cv2.dnn at keyframes. For each of a row of levels above SDR white it gives the share of
+a place's radiance that reaches it; summed up to the peak that is the expected log2 of the radiance
+held at that peak, so one network serves every L'max. What is below clipping is left as it is: a
+gate on a pixel's greatest channel draws the edges, in the full picture.
+"""
+
+from __future__ import annotations
+
+import math
+import threading
+from importlib import resources
+from typing import Any
+
+import cv2
+import numpy as np
+
+from itmo_video.model import Float32
+from itmo_video.operators.base import Context, Floats, Operator
+
+# As in docs/auto/network.py, to which the weights belong.
+EDGES_STOPS = (0.0, 0.3, 0.6, 0.9, 1.2, 1.6, 2.0, 2.5, 3.1, 3.7, 4.4)
+GATE_CENTRE, GATE_SLOPE = 0.9, 40.0
+TILE_PX = 32  # the network halves five times, so its pictures are multiples of this
+WRAP_PX = 64  # what a panorama shows of its other side
+_WEIGHTS = "auto.onnx"
+# The gate in linear light, tangent to the one on codes at its centre: it spares a power a pixel.
+_LINEAR_CENTRE = ((GATE_CENTRE + 0.055) / 1.055) ** 2.4
+_LINEAR_SLOPE = GATE_SLOPE * 1.055 / 2.4 * _LINEAR_CENTRE ** (1 / 2.4 - 1)
+_local = threading.local()
+
+
+def srgb_codes(rgb_linear: Float32) -> Float32:
+    """SRGB codes in [0, 1] of linear light in [0, 1], float32 (IEC 61966-2-1)."""
+    curve = cv2.pow(np.maximum(rgb_linear, np.float32(0.0031308)), 1 / 2.4)
+    curve = np.float32(1.055) * curve - np.float32(0.055)
+    low = rgb_linear <= np.float32(0.0031308)
+    return np.where(low, np.float32(12.92) * rgb_linear, curve).astype(np.float32)
+
+
+def features(codes: Float32, height: int) -> Float32:
+    """The network's input, float32 (17, h/2, w/2), of codes (h, w, 3) in [0, 1].
+
+    The codes and the gates of 2 x 2 pixels, and the place in the frame from -1, top, to 1, which
+    is row `height`: rows beyond it are padding. h and w are even.
+    """
+    h, w = codes.shape[0] // 2, codes.shape[1] // 2
+    greatest = codes.max(axis=2)
+    gates = 1 / (1 + np.exp(np.float32(-GATE_SLOPE) * (greatest - np.float32(GATE_CENTRE))))
+    gates *= np.float32(1 + math.exp(-GATE_SLOPE * (1 - GATE_CENTRE)))
+    planes = np.concatenate([(codes - np.float32(0.5)).transpose(2, 0, 1), gates[None]])
+    squares = planes.reshape(4, h, 2, w, 2).transpose(0, 2, 4, 1, 3).reshape(16, h, w)
+    place = np.float32(-1) + np.arange(h, dtype=np.float32) * np.float32(2 / max(height / 2 - 1, 1))
+    row = np.broadcast_to(place[None, :, None], (1, h, w))
+    return np.ascontiguousarray(np.concatenate([squares, row]), np.float32)
+
+
+def map_auto(rgb_linear: Float32, context: Context, wrap_x: bool = False) -> Float32:
+    """Expected log2 radiance of each place were it clipped, over log2 L'max: float32 (H, W).
+
+    `rgb_linear` is the picture at analysis size, float32 (H, W, 3) in [0, 1]; `wrap_x` for a
+    panorama. In [0, 1].
+    """
+    height, width = rgb_linear.shape[:2]
+    codes = srgb_codes(rgb_linear)
+    left = WRAP_PX if wrap_x else 0
+    if left:
+        codes = np.concatenate(
+            [codes.take(range(-left, 0), 1, mode="wrap"), codes,
+             codes.take(range(width, width + left), 1, mode="wrap")], axis=1,
+        )  # fmt: skip
+    below, right = -height % TILE_PX, -codes.shape[1] % TILE_PX
+    codes = cv2.copyMakeBorder(codes, 0, below, 0, right, cv2.BORDER_REFLECT)
+    net = _network()
+    net.setInput(features(codes, height)[None])
+    levels = np.asarray(net.forward(), np.float32)[0]
+    peak_stops = math.log2(max(context.l_max, 1 + 1e-6))
+    edges = np.minimum(EDGES_STOPS, peak_stops)
+    # The last level's share is taken on to peaks beyond it.
+    widths = np.diff([*edges[:-1], max(peak_stops, edges[-1])])
+    stops = np.tensordot((widths / peak_stops).astype(np.float32), levels, 1)
+    full = cv2.resize(stops, (codes.shape[1], codes.shape[0]), interpolation=cv2.INTER_LINEAR)
+    return np.asarray(np.clip(full[:height, left : left + width], 0, 1), np.float32)
+
+
+def gain_auto(greatest: Float32, weight: Float32 | None, context: Context) -> Float32:
+    """2^(log2 L'max * map * gate), float32 (rows, W): 1 well below clipping, L'max at most.
+
+    `greatest` is a pixel's greatest channel, linear light in [0, 1]; `weight` the map, 1 if None.
+    """
+    share = cv2.exp(np.float32(-_LINEAR_SLOPE) * (greatest - np.float32(_LINEAR_CENTRE)))
+    share += np.float32(1)
+    at_white = 1 + math.exp(-_LINEAR_SLOPE * (1 - _LINEAR_CENTRE))
+    share = np.divide(np.float32(at_white * math.log(context.l_max)), share, out=share)
+    if weight is not None:
+        share *= weight
+    return np.asarray(cv2.exp(share), np.float32).reshape(greatest.shape)
+
+
+def curve_auto(luminance: Floats, context: Context) -> Floats:
+    """Expanded grey of any float type where the map is 1: `gain_auto` written plainly."""
+    at_white = 1 + math.exp(-_LINEAR_SLOPE * (1 - _LINEAR_CENTRE))
+    gate = at_white / (1 + np.exp(-_LINEAR_SLOPE * (luminance - _LINEAR_CENTRE)))
+    return np.asarray(luminance * context.l_max**gate)
+
+
+def _network() -> Any:
+    """The network of the thread that asks: a cv2.dnn.Net is not to be shared."""
+    if not hasattr(_local, "net"):
+        data = resources.files(__package__).joinpath(_WEIGHTS).read_bytes()
+        _local.net = cv2.dnn.readNetFromONNX(np.frombuffer(data, np.uint8))
+    return _local.net
+
+
+OPERATORS = (
+    Operator(
+        "auto",
+        "a fitted network tells how far each clipped place lies above white; the rest is kept",
+        "itmo_video's own: docs/auto.md",
+        lambda luminance, context: gain_auto(luminance, None, context),
+        curve=curve_auto,
+        make_map_rgb=map_auto,
+        gain_greatest=gain_auto,
+    ),
+)

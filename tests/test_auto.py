@@ -1,0 +1,151 @@
+"""The operator `auto`: its input, its gate, its network's laws, and truth on scenes held out."""
+
+from __future__ import annotations
+
+import math
+from concurrent.futures import ThreadPoolExecutor
+from itertools import pairwise
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from clips import SHARED, write_ffv1
+from hypothesis import given
+from hypothesis import strategies as st
+
+from itmo_video import convert, make_settings
+from itmo_video.evaluation.fidelity import pq_psnr_db
+from itmo_video.exr import read_exr
+from itmo_video.operators import auto
+from itmo_video.operators.base import Context
+
+PEAK = 1000 / 203
+BT709 = np.array([0.2126, 0.7152, 0.0722])
+DISPLAY = Context(PEAK, PEAK)
+
+
+def slow_features(codes: np.ndarray, height: int) -> np.ndarray:
+    """The network's input pixel by pixel."""
+    h, w = codes.shape[0] // 2, codes.shape[1] // 2
+    out = np.zeros((17, h, w))
+    for y in range(h):
+        for x in range(w):
+            for dy in range(2):
+                for dx in range(2):
+                    pixel = codes[2 * y + dy, 2 * x + dx].astype(np.float64)
+                    for c in range(3):
+                        out[c * 4 + dy * 2 + dx, y, x] = pixel[c] - 0.5
+                    gate = 1 / (1 + math.exp(-40 * (pixel.max() - 0.9)))
+                    out[12 + dy * 2 + dx, y, x] = gate * (1 + math.exp(-4))
+            out[16, y, x] = -1 + 2 * y / (height / 2 - 1)
+    return out
+
+
+def lamps(height: int = 96, width: int = 160) -> np.ndarray:
+    """A dark, noisy room with two clipped lamps: linear RGB in [0, 1]."""
+    rng = np.random.default_rng(5)
+    y, x = np.mgrid[0:height, 0:width]
+    light = 0.04 + 0.01 * rng.random((height, width))
+    for cy, cx, r in ((30, 40, 5), (60, 110, 9)):
+        light += 3 * np.exp(-(((y - cy) ** 2 + (x - cx) ** 2) / (2 * r * r)))
+    return np.clip(light[..., None] * (1, 0.9, 0.75), 0, 1).astype(np.float32)
+
+
+def test_features_equal_the_slow_ones() -> None:
+    codes = np.random.default_rng(0).random((6, 8, 3), np.float32)
+    assert np.allclose(auto.features(codes, 5), slow_features(codes, 5), atol=1e-5)
+
+
+def test_srgb_codes_at_published_values() -> None:
+    light = np.array([[[0.0, 0.0031308, 0.21404114], [0.5, 0.73791, 1.0]]], np.float32)
+    want = [[[0.0, 0.0404499, 0.5], [0.7353569, 0.8745, 1.0]]]
+    assert np.allclose(auto.srgb_codes(light), want, atol=2e-4)
+
+
+@given(st.floats(0, 1), st.floats(0, 1), st.floats(0, 1), st.floats(1, 100))
+def test_gain_rises_with_the_greatest_channel_and_ends_at_the_peak(
+    low: float, high: float, weight: float, l_max: float
+) -> None:
+    low, high = sorted((low, high))
+    greatest = np.array([[low, high, 1.0, 0.0]], np.float32)
+    gain = auto.gain_auto(greatest, np.full((1, 4), weight, np.float32), Context(l_max, l_max))
+    assert gain[0, 0] <= gain[0, 1] * (1 + 1e-6)
+    assert gain[0, 2] == pytest.approx(l_max**weight, rel=1e-4)
+    assert 1 <= gain[0, 3] <= l_max**1e-5 * (1 + 1e-6)  # black: the gate is as good as shut
+
+
+def test_what_does_not_clip_is_left_nearly_as_it_is() -> None:
+    code = np.array([[0.7]])  # in sRGB codes
+    greatest = (((code + 0.055) / 1.055) ** 2.4).astype(np.float32)
+    gain = auto.gain_auto(greatest, None, DISPLAY)
+    assert math.log2(gain[0, 0]) < 0.02
+
+
+def test_a_map_of_zero_changes_nothing() -> None:
+    greatest = np.linspace(0, 1, 64, dtype=np.float32).reshape(8, 8)
+    assert (auto.gain_auto(greatest, np.zeros((8, 8), np.float32), DISPLAY) == 1).all()
+
+
+@pytest.mark.parametrize("size", [(1, 1), (3, 7), (31, 33), (64, 64), (90, 51)])
+def test_map_of_any_size_lies_in_its_range(size: tuple[int, int]) -> None:
+    rgb = np.random.default_rng(1).random((*size, 3), np.float32)
+    for l_max in (1.0, 2.0, PEAK, 20.0, 100.0):
+        made = auto.map_auto(rgb, Context(l_max, l_max))
+        assert made.shape == size
+        assert made.dtype == np.float32
+        assert 0 <= made.min() <= made.max() <= 1
+
+
+def test_a_higher_peak_never_lowers_what_is_reached() -> None:
+    stops = [
+        auto.map_auto(lamps(), Context(l_max, l_max)) * math.log2(l_max)
+        for l_max in (1.5, 2.0, PEAK, 10.0, 20.0, 60.0)
+    ]
+    for less, more in pairwise(stops):
+        assert (more >= less - 1e-5).all()
+
+
+def test_threads_and_sizes_before_leave_no_trace() -> None:
+    picture, other = lamps(), lamps(120, 200)
+    alone = auto.map_auto(picture, DISPLAY).tobytes()
+
+    def after_another(_: int) -> bytes:
+        auto.map_auto(other, DISPLAY)
+        return auto.map_auto(picture, DISPLAY).tobytes()
+
+    with ThreadPoolExecutor(3) as pool:
+        assert set(pool.map(after_another, range(6))) == {alone}
+
+
+def test_a_panorama_shows_the_network_what_lies_beyond_its_sides() -> None:
+    picture = lamps(96, 192)
+    turned = np.roll(picture, 90, axis=1)
+    here = auto.map_auto(picture, DISPLAY, wrap_x=True)
+    there = np.roll(auto.map_auto(turned, DISPLAY, wrap_x=True), -90, axis=1)
+    flat = np.roll(auto.map_auto(turned, DISPLAY), -90, axis=1)
+    # Far context still moves a little, as the network sees no further than its padding.
+    assert np.abs(here - there).mean() < 0.5 * np.abs(here - flat).mean() + 0.01
+
+
+@pytest.mark.skipif(not (SHARED / "data/panoramas").is_dir(), reason="../shared/data is not here")
+def test_truth_on_scenes_that_the_fit_has_not_seen(tmp_path: Path) -> None:
+    """PQ-PSNR of the luminance at 1000 nits, over SDR left as it is; docs/auto.md has them all."""
+    gains_db = {}
+    for name in ("apartment", "CS_Warwick", "park", "sunset"):
+        bgr = cv2.imread(str(SHARED / f"data/panoramas/{name}.hdr"), cv2.IMREAD_UNCHANGED)
+        truth = bgr[109:379, 163:643, ::-1].astype(np.float64)
+        truth /= np.percentile(truth @ BT709, 94)
+        codes = np.rint(255 * auto.srgb_codes(np.clip(truth, 0, 1).astype(np.float32)))
+        clip = write_ffv1(tmp_path / f"{name}.mkv", [codes.astype(np.uint8)])
+        errors = []
+        for strength in (0.0, 1.0):
+            out = tmp_path / f"{name}{strength:g}"
+            convert(clip, out, make_settings("auto", strength=strength, transfer="srgb"))
+            rgb = read_exr(next(out.glob("*.exr"))).channels
+            got = sum(w * rgb[c].astype(np.float64) for w, c in zip(BT709, "RGB", strict=True))
+            test, want = (np.clip(203 * y, 0.005, 1000) for y in (got, truth @ BT709))
+            errors.append(pq_psnr_db(test, want))
+        gains_db[name] = errors[1] - errors[0]
+    assert min(gains_db.values()) > 1.5, gains_db
+    assert np.mean(list(gains_db.values())) > 3, gains_db
