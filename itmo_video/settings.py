@@ -237,6 +237,15 @@ def flag_name(name: str) -> str:
     return name.replace("_", "-")
 
 
+def named_number(flag: str, text: str) -> tuple[str, float]:
+    """Name and value of NAME=VALUE, as `flag` was given it; raises UsageError for anything else."""
+    name, _, value = text.partition("=")
+    try:
+        return name, float(value)
+    except ValueError:
+        raise UsageError(f"{flag}: {text!r} is not NAME=VALUE with a number") from None
+
+
 def make_settings(preset: str = "default", **overrides: Any) -> Settings:
     """Settings of a preset (name or TOML file) with overrides; the API's and the CLI's way in.
 
