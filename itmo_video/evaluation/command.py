@@ -7,16 +7,20 @@ import dataclasses
 import json
 import math
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from itmo_video.errors import CheckFailedError, UsageError
 from itmo_video.settings import named_number
+
+if TYPE_CHECKING:
+    from itmo_video.evaluation.agreement import Agreement, Display
 
 EXAMPLES = """\
 examples:
   itmo-video evaluate out/ --source clip.mp4
   itmo-video evaluate out/ --source sdr.mkv --motion motion.json --fail-above gain_flicker=0.02
   itmo-video evaluate out/ --reference truth/ --source sdr.mkv --json
+  itmo-video evaluate out/ --reference truth/ --vdp --heat-map differences.mp4
   itmo-video evaluate out/ --reference truth/ --fail-below pq_psnr_db=34
 """
 
@@ -45,6 +49,17 @@ def add_evaluate(commands: Any) -> None:
         "--display-peak", type=_positive, default=1000.0, metavar="N",
         help="the display's peak in nits; both sides are clipped to it (1000)",
     )  # fmt: skip
+    parser.add_argument(
+        "--vdp", action="store_true", help="add ColorVideoVDP's JOD (extra `vdp`; slow)"
+    )
+    parser.add_argument(
+        "--heat-map", metavar="FILE.mp4",
+        help="a film of where ColorVideoVDP sees differences (extra `vdp`; slow)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--pixels-per-degree", type=_positive, default=45.0, metavar="N",
+        help="of the visual field, for ColorVideoVDP (45)",
+    )  # fmt: skip
     parser.add_argument("--json", action="store_true", help="as JSON")
     parser.add_argument(
         "--fail-above", action="append", default=[], metavar="METRIC=VALUE",
@@ -65,12 +80,16 @@ def _positive(text: str) -> float:
 
 
 def _evaluate(args: argparse.Namespace) -> int:
-    from itmo_video.evaluation import agreement, folders, sequence, table
+    from itmo_video.evaluation import agreement, folders, heat_film, sequence, table
 
     above = [named_number("fail-above", text) for text in args.fail_above]
     below = [named_number("fail-below", text) for text in args.fail_below]
     if not args.source and not args.reference:
         raise UsageError("nothing to compare with", remedy="Give --source CLIP or --reference.")
+    if (args.vdp or args.heat_map) and not args.reference:
+        raise UsageError("ColorVideoVDP needs the truth", remedy="Give --reference TRUTH.")
+    if args.heat_map:
+        heat_film.check_film(Path(args.heat_map))
     if args.key_interval is not None and args.key_interval < 1:
         raise UsageError(f"key-interval must be 1 or more, not {args.key_interval}")
     test = Path(args.test)
@@ -80,8 +99,14 @@ def _evaluate(args: argparse.Namespace) -> int:
     figures: dict[str, float] = {}
     if args.reference:
         white = args.white_nits or folders.open_sequence(test).settings_or_default.white_nits
-        display = agreement.Display(args.display_peak, white)
+        display = agreement.Display(args.display_peak, white, args.pixels_per_degree)
+        if args.vdp or args.heat_map:
+            from itmo_video.evaluation.vdp import require_vdp
+
+            require_vdp()  # to be told at once, not after the other figures
         rows = agreement.compare_sequences(test, Path(args.reference), source, display)
+        if args.vdp or args.heat_map:
+            _add_vdp(args, rows, display)
         told["display"] = dataclasses.asdict(display)
         told["fidelity"] = {name: table.agreement_facts(row) for name, row in rows.items()}
         text.append(table.agreement_table(rows))
@@ -97,6 +122,20 @@ def _evaluate(args: argparse.Namespace) -> int:
     print(json.dumps(table.plain(told), indent=1) if args.json else "\n\n".join(text))
     _judge(figures, above, below)
     return 0
+
+
+def _add_vdp(args: argparse.Namespace, rows: dict[str, Agreement], display: Display) -> None:
+    from itmo_video.evaluation import films, heat_film, vdp
+    from itmo_video.evaluation.agreement import TEST
+
+    source = Path(args.source) if args.source else None
+    found = films.films(Path(args.test), Path(args.reference), source, display)
+    if args.vdp:
+        for name, film in found.items():
+            rows[name].figures["jod"] = vdp.jod(film, display)
+    if args.heat_map:
+        film = found[TEST]
+        heat_film.write_film(Path(args.heat_map), vdp.heat_map(film, display), film.frame_rate)
 
 
 def _judge(
