@@ -71,7 +71,7 @@ def jod(film: Film, display: Display) -> float:
 def heat_map(film: Film, display: Display) -> Iterator[Code]:
     """For each frame, where its differences are seen: sRGB, uint8 (H, W, 3).
 
-    The metric's `supra-threshold` colours (blue none, red 3 JOD) over the truth in grey. It keeps
+    The metric's `supra-threshold` colours (yellow: 3 JOD) over the truth's brightness. It keeps
     all maps of a run, so runs are short, each with the frames before it that its filters reach.
     Raises UsageError where the extra is not installed.
     """
