@@ -20,7 +20,7 @@ from clips import moving_scene, write_ffv1
 from itmo_video import convert, make_settings
 from itmo_video.cli import main
 from itmo_video.errors import UsageError
-from itmo_video.evaluation import heat_film, vdp
+from itmo_video.evaluation import fidelity, heat_film, vdp
 from itmo_video.evaluation.agreement import Display
 
 WIDTH, HEIGHT = 96, 64
@@ -143,3 +143,17 @@ def test_a_film_of_odd_size_is_written_whole_or_not_at_all(tmp_path: Path) -> No
     with pytest.raises(UsageError, match="it broke"):
         heat_film.write_film(tmp_path / "b.mp4", breaking(), Fraction(24))
     assert [p.name for p in tmp_path.iterdir()] == ["a.mp4"], "a part of a film stays"
+
+
+@needs_vdp
+def test_pu21_is_the_metric_authors_own() -> None:
+    """The table of PU21 that comes with ColorVideoVDP, whose authors are PU21's."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        vdp._import()
+        import torch
+        from pycvvdp.utils import PU
+
+        nits = np.geomspace(0.005, 10000, 50)
+        expected = PU().encode(torch.tensor(nits)).numpy()
+    np.testing.assert_allclose(fidelity.pu21_encode(nits), expected, atol=1e-3)
