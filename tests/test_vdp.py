@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import builtins
 import json
+import subprocess
 import sys
 import warnings
 from collections.abc import Iterator
@@ -15,7 +16,7 @@ from typing import Any
 import av
 import numpy as np
 import pytest
-from clips import moving_scene, write_ffv1
+from clips import SHARED, moving_scene, write_ffv1
 
 from itmo_video import convert, make_settings
 from itmo_video.cli import main
@@ -157,3 +158,22 @@ def test_pu21_is_the_metric_authors_own() -> None:
         nits = np.geomspace(0.005, 10000, 50)
         expected = PU().encode(torch.tensor(nits)).numpy()
     np.testing.assert_allclose(fidelity.pu21_encode(nits), expected, atol=1e-3)
+
+
+@needs_vdp
+@pytest.mark.skipif(not (SHARED / "tools" / "jod.py").exists(), reason="no ../shared/tools here")
+def test_jod_is_that_of_the_shared_tool(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    panorama = SHARED / "data" / "panoramas" / "workshop.hdr"
+    pan_clip, tool = (SHARED / "tools" / name for name in ("pan_clip.py", "jod.py"))
+    run = [sys.executable, str(pan_clip), str(panorama), str(tmp_path / "clip"), "--frames", "4"]
+    subprocess.run(run, check=True)
+    truth, film = tmp_path / "clip" / "truth", tmp_path / "clip" / "sdr.mkv"
+    convert(film, tmp_path / "out", make_settings())
+    told = subprocess.run(
+        [sys.executable, str(tool), str(truth), str(tmp_path / "out")],
+        check=True, capture_output=True, text=True,
+    ).stdout  # fmt: skip
+    command = ["evaluate", str(tmp_path / "out"), "--reference", str(truth), "--vdp", "--json"]
+    assert main(command) == 0
+    found = json.loads(capsys.readouterr().out)["fidelity"]["test"]["jod"]
+    assert found == pytest.approx(float(told.split()[-1]), abs=0.01)
