@@ -248,17 +248,9 @@ def _settings(args: argparse.Namespace) -> Settings:
         if key == "layers":
             value = tuple(part for part in value.split(",") if part)
         elif key == "operator_params":
-            value = dict(_parameter(text) for text in value)
+            value = dict(settings_module.named_number("operator-param", text) for text in value)
         overrides[key] = value
     return settings_module.make_settings(args.preset, **overrides)
-
-
-def _parameter(text: str) -> tuple[str, float]:
-    name, _, value = text.partition("=")
-    try:
-        return name, float(value)
-    except ValueError:
-        raise UsageError(f"operator-param: {text!r} is not NAME=VALUE with a number") from None
 
 
 def _convert(args: argparse.Namespace) -> int:

@@ -8,7 +8,7 @@ is interpolated linearly between its sample positions; at the edges the last sam
 from __future__ import annotations
 
 import functools
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import TypeAlias, cast
 
 import cv2
@@ -149,6 +149,13 @@ def luminance_weights(primaries: str) -> tuple[float, float, float]:
     """Give the weights of linear R, G and B in luminance for these primaries; they sum to 1."""
     red, green, blue = rgb_to_xyz_matrix(primaries)[1]
     return float(red), float(green), float(blue)
+
+
+def nearest_primaries(xy: Sequence[float]) -> str:
+    """The name in CHROMATICITIES that these rx, ry, gx, gy, bx, by, wx, wy are nearest to."""
+    return min(
+        CHROMATICITIES, key=lambda name: float(np.abs(np.subtract(CHROMATICITIES[name], xy)).sum())
+    )
 
 
 def rgb_to_rgb_matrix(source: str, target: str) -> Float64:

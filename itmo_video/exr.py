@@ -23,6 +23,7 @@ from typing import Any, TextIO, cast
 import numpy as np
 import numpy.typing as npt
 
+from itmo_video import colour
 from itmo_video.atomic import StrPath, write_whole
 from itmo_video.errors import InputError
 from itmo_video.exr_chunks import DamageError, check_chunks, parse_header
@@ -83,6 +84,12 @@ class ExrImage:
         """(width, height) of the data window in pixels."""
         (left, top), (right, bottom) = self.attributes["dataWindow"]
         return int(right) - int(left) + 1, int(bottom) - int(top) + 1
+
+    @property
+    def primaries(self) -> str:
+        """The name in colour.CHROMATICITIES of its primaries; rec709 where it states none."""
+        stated = self.attributes.get("chromaticities")
+        return "rec709" if stated is None else colour.nearest_primaries(stated)
 
     @property
     def fingerprint(self) -> str | None:

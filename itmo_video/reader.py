@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator, Sequence
 from fractions import Fraction
 from pathlib import Path
 
 from itmo_video import probe
 from itmo_video.clip import Clip as Clip
 from itmo_video.clip import Resampled
+from itmo_video.errors import DamagedInputError
+from itmo_video.model import Frame
 from itmo_video.stills import StillClip, is_pattern, sequence
 from itmo_video.tags import InputOptions
 from itmo_video.video import VideoClip
@@ -32,3 +35,15 @@ def open_clip(path: str | Path, options: InputOptions | None = None) -> Clip:
         else:
             clip = VideoClip(absolute, options)
     return clip if options.fps is None else Resampled(clip, Fraction(options.fps))
+
+
+def frames_at(clip: Clip, indices: Sequence[int]) -> Iterator[Frame]:
+    """The clip's frames at rising indices; raises DamagedInputError where one does not decode."""
+    frames = clip.frames(indices[0]) if indices else iter(())
+    for index in indices:
+        frame = next((found for found in frames if found.index >= index), None)
+        if frame is None or frame.index != index:
+            raise DamagedInputError(
+                f"frame {index} of the source does not decode", where=clip.info.path
+            )
+        yield frame

@@ -237,6 +237,15 @@ def flag_name(name: str) -> str:
     return name.replace("_", "-")
 
 
+def named_number(flag: str, text: str) -> tuple[str, float]:
+    """Name and value of NAME=VALUE, as `flag` was given it; raises UsageError for anything else."""
+    name, _, value = text.partition("=")
+    try:
+        return name, float(value)
+    except ValueError:
+        raise UsageError(f"{flag}: {text!r} is not NAME=VALUE with a number") from None
+
+
 _OF_OPERATOR = ("strength", "l_white", "alpha", "operator_params")
 
 
@@ -245,11 +254,11 @@ def make_settings(preset: str = "default", **overrides: Any) -> Settings:
 
     Of l_max and peak_nits the one that is overridden replaces the other of the preset. Where the
     operator is overridden, the preset's strength, l_white, alpha and operator_params, which belong
-    to its own operator, do not hold; raises
-    UsageError for both, for unknown names and for values out of bounds.
+    to its own operator, do not hold. Raises UsageError for both maxima, for unknown names and for
+    values out of bounds.
     """
     values = load_preset(preset)
-    if overrides.get("operator", values.get("operator")) != values.get("operator"):
+    if "operator" in values and overrides.get("operator", values["operator"]) != values["operator"]:
         # What a preset sets for its own operator would cripple another one.
         values = {name: value for name, value in values.items() if name not in _OF_OPERATOR}
     if "l_max" in overrides and "peak_nits" in overrides:

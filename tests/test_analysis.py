@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
@@ -13,9 +14,11 @@ from clips import exr_bytes, moving_scene, write_ffv1
 from command import run
 
 from itmo_video import RunOptions, analyse, convert, make_settings, read_analysis, read_exr
-from itmo_video.analysis import Analysis, Bars, Shot
+from itmo_video.analysis import Analysis, Bars, Shot, Statistics
 from itmo_video.analysis_file import parse_analysis
 from itmo_video.errors import InputError, OutputError, UsageError
+from itmo_video.model import ClipInfo, Encoding
+from itmo_video.suggestions import suggestions
 
 SETTINGS = make_settings("default", lights=64, radius=64, compression="none")
 SHOTS = [(1, 17), (18, 18), (19, 30)]
@@ -236,3 +239,37 @@ def test_at_the_command_line(clip: Path, tmp_path: Path) -> None:
     file.write_text(file.read_text().replace('"strength": 1.0', '"strength": 2', 1))
     done = run("convert", clip, tmp_path / "out", "--analysis", file)
     assert (done.returncode, "shot 1-17: strength" in done.stderr) == (3, True), done.stderr
+
+
+def _suggested(clipped: float, p50: float) -> dict[str, Any]:
+    statistics = Statistics(0.3, 0.0, p50, 0.9, 1.0, 1.0, clipped, 0.01)
+    found = suggestions(ClipInfo(**CLIP_FACTS), statistics)
+    assert all(s.reason for s in found)
+    make_settings("default", **{s.setting: s.value for s in found})  # raises out of bounds
+    return {s.setting: s.value for s in found}
+
+
+@pytest.mark.parametrize(
+    ("clipped", "p50", "expected"),
+    [
+        (0.03, 0.08, {}),
+        (0.03, 0.02, {"peak_nits": 600}),
+        (0.0001, 0.08, {"radius": 16, "min_lights": 4}),
+        (0.08, 0.02, {"peak_nits": 600, "min_lights": 4}),
+        (0.03, 0.4, {"radius": 8}),
+        (0.03, 0.2, {"radius": 8, "l_white": 12}),
+    ],
+)
+def test_what_the_statistics_suggest(
+    clipped: float, p50: float, expected: dict[str, float]
+) -> None:
+    assert _suggested(clipped, p50) == expected
+
+
+CLIP_FACTS: dict[str, Any] = {
+    "path": "/nowhere.mkv", "stem": "nowhere", "container": "matroska", "codec": "ffv1",
+    "pixel_format": "bgr0", "width": 96, "height": 64, "frames": 24, "frame_rate": Fraction(24),
+    "duration_s": Fraction(1), "is_vfr": False, "pixel_aspect": Fraction(1), "rotation_deg": 0,
+    "flip": False, "field_order": "progressive", "timecode": None, "digest": "0",
+    "encoding": Encoding("rgb", 8, "bt709", "full", "srgb", "rec709"),
+}  # fmt: skip

@@ -2,26 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from fractions import Fraction
+from itertools import repeat
 from pathlib import Path
 from typing import Any, TypeVar
 
 import cv2
-import numpy as np
 import numpy.typing as npt
 
-from itmo_video import colour, pipeline
+from itmo_video import pipeline
 from itmo_video.delivery.in_order import InOrder, run_in_order
-from itmo_video.errors import DamagedInputError, InputError, UsageError
+from itmo_video.errors import InputError, UsageError
 from itmo_video.exr import ExrImage, read_exr
 from itmo_video.folder import Manifest, OutputFolder, read_manifest
 from itmo_video.frame_ranges import format_ranges, parse_ranges
 from itmo_video.model import Float32, Frame, Half
 from itmo_video.plan import RunOptions, input_options, make_plan
-from itmo_video.reader import Clip, open_clip
+from itmo_video.reader import Clip, frames_at, open_clip
 from itmo_video.render import Rendered, make_look
 from itmo_video.settings import Settings
 
@@ -139,7 +139,9 @@ def from_folder(
     def mapped(work: Work[T]) -> Iterator[T]:
         cv2.setNumThreads(1)
         jobs = run.jobs or pipeline.default_jobs()
-        originals = _source_frames(source, [n - first_number for n in numbers])
+        originals: Iterable[Frame | None] = repeat(None)
+        if source is not None:
+            originals = frames_at(source, [n - first_number for n in numbers])
 
         def make(number: int, original: Frame | None) -> T:
             image = read_exr(files.frame_path(number))
@@ -158,9 +160,7 @@ def from_folder(
             for future in waiting:
                 yield future.result()
 
-    return Pictures(
-        first.size, rate, aspect, white, peak, primaries_of(first), numbers, clip, mapped
-    )
+    return Pictures(first.size, rate, aspect, white, peak, first.primaries, numbers, clip, mapped)
 
 
 def rgb_of(image: ExrImage) -> tuple[Half, Half, Half]:
@@ -169,17 +169,6 @@ def rgb_of(image: ExrImage) -> tuple[Half, Half, Half]:
         return image.channels["R"], image.channels["G"], image.channels["B"]
     except KeyError as error:
         raise InputError(f"the EXR file has no channel {error}") from error
-
-
-def primaries_of(image: ExrImage) -> str:
-    """The name in colour.CHROMATICITIES of an EXR file's primaries; rec709 where it has none."""
-    stated = image.attributes.get("chromaticities")
-    if stated is None:
-        return "rec709"
-    return min(
-        colour.CHROMATICITIES,
-        key=lambda name: float(np.abs(np.subtract(colour.CHROMATICITIES[name], stated)).sum()),
-    )
 
 
 def _same_source(clip: Path, manifest: Manifest, settings: Settings | None) -> Clip:
@@ -191,22 +180,6 @@ def _same_source(clip: Path, manifest: Manifest, settings: Settings | None) -> C
             f"not the clip that the folder was made of ({manifest.source_name!r})", where=str(clip)
         )
     return opened
-
-
-def _source_frames(clip: Clip | None, indices: Sequence[int]) -> Iterator[Frame | None]:
-    """The source's frames at sorted indices, or None for each; DamagedInputError for a gap."""
-    if clip is None:
-        for _ in indices:
-            yield None
-        return
-    frames = clip.frames(indices[0])
-    frame = next(frames, None)
-    for index in indices:
-        while frame is not None and frame.index < index:
-            frame = next(frames, None)
-        if frame is None or frame.index != index:
-            raise DamagedInputError(f"frame {index} of the source does not decode")
-        yield frame
 
 
 def _number(value: object, otherwise: float) -> float:

@@ -3,18 +3,25 @@
 from __future__ import annotations
 
 import argparse
+import dataclasses
 import json
 import math
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from itmo_video.errors import CheckFailedError, UsageError
+from itmo_video.settings import named_number
+
+if TYPE_CHECKING:
+    from itmo_video.evaluation.agreement import Agreement, Display
 
 EXAMPLES = """\
 examples:
   itmo-video evaluate out/ --source clip.mp4
   itmo-video evaluate out/ --source sdr.mkv --motion motion.json --fail-above gain_flicker=0.02
   itmo-video evaluate out/ --reference truth/ --source sdr.mkv --json
+  itmo-video evaluate out/ --reference truth/ --vdp --heat-map differences.mp4
+  itmo-video evaluate out/ --reference truth/ --fail-below pq_psnr_db=34
 """
 
 
@@ -32,94 +39,118 @@ def add_evaluate(commands: Any) -> None:
     parser.add_argument("--source", metavar="CLIP", help="the SDR clip that it was made from")
     parser.add_argument("--motion", metavar="FILE", help="known motion, as pan_clip.py writes it")
     parser.add_argument("--reference", metavar="TRUTH", help="a folder of true EXR files")
-    parser.add_argument("--key-interval", type=int, default=5, metavar="N")
-    parser.add_argument("--white-nits", type=float, default=203.0, metavar="N")
-    parser.add_argument("--display-peak", type=float, default=1000.0, metavar="N")
+    parser.add_argument(
+        "--key-interval", type=int, metavar="N", help="of key_to_key (default: the folder's own, 5)"
+    )
+    parser.add_argument(
+        "--white-nits", type=_positive, metavar="N", help="of 1.0 (default: the folder's own, 203)"
+    )
+    parser.add_argument(
+        "--display-peak", type=_positive, default=1000.0, metavar="N",
+        help="the display's peak in nits; both sides are clipped to it (1000)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--vdp", action="store_true", help="add ColorVideoVDP's JOD (extra `vdp`; slow)"
+    )
+    parser.add_argument(
+        "--heat-map", metavar="FILE.mp4",
+        help="a film of where ColorVideoVDP sees differences (extra `vdp`; slow)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--pixels-per-degree", type=_positive, default=45.0, metavar="N",
+        help="of the visual field, for ColorVideoVDP (45)",
+    )  # fmt: skip
     parser.add_argument("--json", action="store_true", help="as JSON")
     parser.add_argument(
         "--fail-above", action="append", default=[], metavar="METRIC=VALUE",
         help="exit code 7 if the clip's figure is above (any number of times)",
     )  # fmt: skip
+    parser.add_argument(
+        "--fail-below", action="append", default=[], metavar="METRIC=VALUE",
+        help="exit code 7 if the clip's figure is below (any number of times)",
+    )  # fmt: skip
     parser.set_defaults(run=_evaluate)
 
 
-def _evaluate(args: argparse.Namespace) -> int:
-    from itmo_video.evaluation import sequence
+def _positive(text: str) -> float:
+    value = float(text)
+    if not 0 < value < math.inf:
+        raise argparse.ArgumentTypeError("must be above 0")
+    return value
 
-    limits = [_limit(text) for text in args.fail_above]
+
+def _evaluate(args: argparse.Namespace) -> int:
+    from itmo_video.evaluation import agreement, folders, heat_film, sequence, table
+
+    above = [named_number("fail-above", text) for text in args.fail_above]
+    below = [named_number("fail-below", text) for text in args.fail_below]
     if not args.source and not args.reference:
         raise UsageError("nothing to compare with", remedy="Give --source CLIP or --reference.")
-    if args.key_interval < 1:
+    if (args.vdp or args.heat_map) and not args.reference:
+        raise UsageError("ColorVideoVDP needs the truth", remedy="Give --reference TRUTH.")
+    if args.heat_map:
+        heat_film.check_film(Path(args.heat_map))
+    if args.key_interval is not None and args.key_interval < 1:
         raise UsageError(f"key-interval must be 1 or more, not {args.key_interval}")
+    test = Path(args.test)
     source = Path(args.source) if args.source else None
     told: dict[str, Any] = {}
+    text: list[str] = []
     figures: dict[str, float] = {}
     if args.reference:
-        rows = sequence.compare_sequences(
-            Path(args.test), Path(args.reference), source, args.white_nits, args.display_peak
-        )
-        told["fidelity"] = rows
-        figures |= rows["test"]
+        white = args.white_nits or folders.open_sequence(test).settings_or_default.white_nits
+        display = agreement.Display(args.display_peak, white, args.pixels_per_degree)
+        if args.vdp or args.heat_map:
+            from itmo_video.evaluation.vdp import require_vdp
+
+            require_vdp()  # to be told at once, not after the other figures
+        rows = agreement.compare_sequences(test, Path(args.reference), source, display)
+        if args.vdp or args.heat_map:
+            _add_vdp(args, rows, display)
+        told["display"] = dataclasses.asdict(display)
+        told["fidelity"] = {name: table.agreement_facts(row) for name, row in rows.items()}
+        text.append(table.agreement_table(rows))
+        figures |= rows[agreement.TEST].figures
     if source is not None:
         origins = sequence.read_origins(Path(args.motion)) if args.motion else None
-        shots = sequence.flicker_by_shot(Path(args.test), source, origins, args.key_interval)
+        shots = sequence.flicker_by_shot(test, source, origins, args.key_interval)
         clip = sequence.over_shots(shots)
         told["shots"] = [{"first": s.first, "last": s.last, **s.figures} for s in shots]
         told["clip"] = clip
+        text.append(table.flicker_table(shots, clip))
         figures |= clip
-    print(json.dumps(_plain(told), indent=1) if args.json else _table(told))
-    _judge(figures, limits)
+    print(json.dumps(table.plain(told), indent=1) if args.json else "\n\n".join(text))
+    _judge(figures, above, below)
     return 0
 
 
-def _limit(text: str) -> tuple[str, float]:
-    name, _, value = text.partition("=")
-    try:
-        return name, float(value)
-    except ValueError:
-        raise UsageError(f"fail-above: {text!r} is not METRIC=VALUE") from None
+def _add_vdp(args: argparse.Namespace, rows: dict[str, Agreement], display: Display) -> None:
+    from itmo_video.evaluation import films, heat_film, vdp
+    from itmo_video.evaluation.agreement import TEST
+
+    source = Path(args.source) if args.source else None
+    found = films.films(Path(args.test), Path(args.reference), source, display)
+    if args.vdp:
+        for name, film in found.items():
+            rows[name].figures["jod"] = vdp.jod(film, display)
+    if args.heat_map:
+        film = found[TEST]
+        heat_film.write_film(Path(args.heat_map), vdp.heat_map(film, display), film.frame_rate)
 
 
-def _judge(figures: dict[str, float], limits: list[tuple[str, float]]) -> None:
-    for name, _ in limits:
+def _judge(
+    figures: dict[str, float], above: list[tuple[str, float]], below: list[tuple[str, float]]
+) -> None:
+    for name, _ in above + below:
         if name not in figures:
-            raise UsageError(
-                f"fail-above: no figure {name!r}", remedy=f"There are: {', '.join(figures)}"
-            )
+            raise UsageError(f"no figure {name!r}", remedy=f"There are: {', '.join(figures)}")
     # A figure that could not be measured must not pass a pipeline's check unseen.
     failed = [
-        f"{name} is {figures[name]:.5g}, above {limit:g}"
+        f"{name} is {figures[name]:.5g}, {word} {limit:g}"
+        for word, limits in (("above", above), ("below", below))
         for name, limit in limits
-        if math.isnan(figures[name]) or figures[name] > limit
+        if math.isnan(figures[name])
+        or (figures[name] > limit if word == "above" else figures[name] < limit)
     ]
     if failed:
         raise CheckFailedError("; ".join(failed))
-
-
-def _plain(value: Any) -> Any:
-    """Values that JSON has: NaN becomes null."""
-    if isinstance(value, dict):
-        return {key: _plain(part) for key, part in value.items()}
-    if isinstance(value, list):
-        return [_plain(part) for part in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value
-
-
-def _table(told: dict[str, Any]) -> str:
-    lines: list[str] = []
-    for row, figures in told.get("fidelity", {}).items():
-        cells = "  ".join(f"{name} {value:.4g}" for name, value in figures.items())
-        lines.append(f"{row:14} {cells}")
-    lines += [_row(f"shot {s['first']}-{s['last']}", s) for s in told.get("shots", [])]
-    if "clip" in told:
-        lines.append(_row("clip", told["clip"]))
-    return "\n".join(lines)
-
-
-def _row(name: str, figures: dict[str, float]) -> str:
-    cells = (
-        f"{key} {'-' if math.isnan(value) else format(value, '.5f')}"
-        for key, value in figures.items()
-        if key not in ("first", "last")
-    )
-    return f"{name:14} {'  '.join(cells)}"

@@ -1,28 +1,31 @@
-"""Figures of a converted folder: flicker along its clip's motion, fidelity to a true sequence."""
+"""Flicker of a converted folder, shot by shot, along its clip's motion."""
 
 from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, field
-from itertools import pairwise
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 import cv2
 import numpy as np
 
-from itmo_video import colour, keyframes
+from itmo_video import keyframes
 from itmo_video.errors import InputError, UsageError
-from itmo_video.evaluation import fidelity, flicker
+from itmo_video.evaluation import flicker
+from itmo_video.evaluation.fidelity import LUMINANCE_WEIGHTS
+from itmo_video.evaluation.folders import (
+    ExrSequence,
+    exr_rgb,
+    frame_rgb,
+    open_sequence,
+    open_source,
+)
 from itmo_video.exr import read_exr
-from itmo_video.folder import read_manifest
 from itmo_video.guide import analysis_guide, analysis_size
-from itmo_video.model import Code, Float32, Float64
-from itmo_video.reader import Clip, open_clip
-from itmo_video.render import frame_luminance
-from itmo_video.tags import InputOptions
+from itmo_video.model import Code, Float32
+from itmo_video.reader import Clip
 
 Origins = Sequence[tuple[float, float]]
 METRICS = (
@@ -52,42 +55,27 @@ class _Seen:
     starts_shot: bool
 
 
-def exr_files(folder: Path) -> list[Path]:
-    """The EXR files of a folder in order; InputError when there are none."""
-    files = sorted(folder.glob("*.exr"))
-    if not files:
-        raise InputError("no EXR files in it", where=str(folder))
-    return files
-
-
-def read_luminance(path: Path, primaries: str) -> tuple[Float32, dict[str, Any]]:
-    """Luminance of an EXR, SDR white = 1, (H, W) float32, and its channels."""
-    channels = read_exr(path).channels
-    if not {"R", "G", "B"} <= set(channels):
-        raise InputError("it has no R, G and B", where=str(path))
-    weights = colour.luminance_weights(primaries)
-    total = sum(w * channels[c].astype(np.float32) for w, c in zip(weights, "RGB", strict=True))
-    return np.asarray(total, np.float32), channels
-
-
 def flicker_by_shot(
-    folder: Path, source: Path, origins: Origins | None, key_interval: int
+    folder: Path, source: Path, origins: Origins | None, key_interval: int | None = None
 ) -> list[Shot]:
     """Flicker figures of each shot of a converted folder; by known origins or estimated flow.
 
     The luminances of SDR and HDR are compared, so the folder may be anybody's; map flicker needs
-    the layer expand_map. Raises InputError where folder and clip do not fit.
+    the layer expand_map. Only steps from one frame to the very next count. Keys are `key_interval`
+    frames apart, by default as the folder's settings have it. Raises InputError where folder and
+    clip do not fit.
     """
+    sequence = open_sequence(folder)
+    interval = key_interval or sequence.settings_or_default.key_interval
     shots: list[Shot] = []
-    seen: list[_Seen] = []
-    for frame in _frames(folder, source):
-        if frame.starts_shot and seen:
-            shots.append(_measure(seen, origins, key_interval))
-            seen = []
-        seen.append(frame)
-    if seen:
-        shots.append(_measure(seen, origins, key_interval))
-    return shots
+    running: _Running | None = None
+    for frame in _frames(sequence, source):
+        if running is None or frame.starts_shot:
+            if running is not None:
+                shots.append(running.shot())
+            running = _Running(frame.index, origins, interval)
+        running.add(frame)
+    return shots if running is None else [*shots, running.shot()]
 
 
 def over_shots(shots: Sequence[Shot]) -> dict[str, float]:
@@ -115,65 +103,36 @@ def read_origins(path: Path) -> Origins:
         raise UsageError(f"no origins can be read: {error}", where=str(path)) from error
 
 
-def compare_sequences(
-    test: Path, reference: Path, source: Path | None, white_nits: float, peak_nits: float
-) -> dict[str, dict[str, float]]:
-    """Mean fidelity figures by row: "test", and "SDR as it is" where the clip is given."""
-    tests, truths = exr_files(test), exr_files(reference)
-    if len(tests) != len(truths):
-        raise InputError(f"{len(tests)} frames, the reference has {len(truths)}", where=str(test))
-    rows: dict[str, list[Mapping[str, float]]] = {"test": []}
-    primaries = _primaries(test)
-    clip = open_clip(source) if source else None
-    sdr_frames = clip.frames() if clip else None
-    for test_file, truth_file in zip(tests, truths, strict=True):
-        truth = _shown(read_luminance(truth_file, "rec709")[0], white_nits, peak_nits)
-        shown = _shown(read_luminance(test_file, primaries)[0], white_nits, peak_nits)
-        rows["test"].append(_figures(shown, truth, white_nits, str(test_file)))
-        if sdr_frames is not None:
-            sdr = _shown(frame_luminance(next(sdr_frames)), white_nits, peak_nits)
-            rows.setdefault("SDR as it is", []).append(
-                _figures(sdr, truth, white_nits, str(source))
-            )
-    return {
-        name: {key: float(np.mean([figures[key] for figures in all_])) for key in all_[0]}
-        for name, all_ in rows.items()
-    }
+def luminance(rgb: Float32) -> Float32:
+    """Luminance of linear BT.709 RGB (H, W, 3), by the weights of measurements."""
+    return np.asarray(rgb @ np.array(LUMINANCE_WEIGHTS, np.float32), np.float32)
 
 
-def _figures(test: Float64, truth: Float64, white_nits: float, where: str) -> dict[str, float]:
-    try:
-        figures = asdict(fidelity.compare(test, truth, white_nits))
-    except ValueError as error:
-        raise InputError(str(error), where=where) from error
-    return {name: value for name, value in figures.items() if isinstance(value, float)}
-
-
-def _shown(luminance: Float32, white_nits: float, peak_nits: float) -> Float64:
-    return np.clip(luminance.astype(np.float64) * white_nits, fidelity.DARKEST_NITS, peak_nits)
-
-
-def _primaries(folder: Path) -> str:
-    manifest = read_manifest(folder)
-    return str(manifest.settings.get("primaries", "rec709")) if manifest else "rec709"
-
-
-def _frames(folder: Path, source: Path) -> Iterator[_Seen]:
-    primaries = _primaries(folder)
-    files = iter(exr_files(folder))
-    with open_clip(source, InputOptions(force_sdr=True)) as clip:
-        width, height = analysis_size(*clip.info.display_size, 512)
-        for placed in keyframes.place(_analysed(clip), 5, 0):
-            path = next(files, None)
-            if path is None:
-                return
+def _frames(sequence: ExrSequence, source: Path) -> Iterator[_Seen]:
+    settings = sequence.settings_or_default
+    files = sequence.by_index
+    last = max(files)
+    unseen = set(files)
+    starts_shot = False
+    with open_source(source, settings) as clip:
+        width, height = analysis_size(*clip.info.display_size, settings.map_width)
+        # Cuts are looked for in the frames before the first file, too: it may follow one closely.
+        start = max(0, min(files) - 2 * keyframes.CUT_REACH)
+        for placed in keyframes.place(_analysed(clip, start, settings.map_width), 1, start):
             frame = placed.analysed
-            sdr = frame_luminance(frame.frame)
-            hdr, channels = read_luminance(path, primaries)
+            if frame.index > last:
+                break
+            starts_shot = starts_shot or placed.starts_shot
+            if frame.index not in files:
+                continue
+            unseen.discard(frame.index)
+            path = files[frame.index]
+            image = read_exr(path)
+            sdr, hdr = luminance(frame_rgb(frame.frame)), luminance(exr_rgb(image, path))
             if hdr.shape != sdr.shape:
                 raise InputError(f"its size is not the clip's {sdr.shape[::-1]}", where=str(path))
             gain = flicker.log_gain(hdr, sdr)
-            weight = channels.get("expand_map.Y")
+            weight = image.channels.get("expand_map.Y")
             yield _Seen(
                 frame.index,
                 frame.grey,
@@ -181,13 +140,20 @@ def _frames(folder: Path, source: Path) -> Iterator[_Seen]:
                 None if weight is None else _small(weight.astype(np.float32), width, height),
                 flicker.background_level(gain, sdr),
                 flicker.noise_gain(hdr, sdr),
-                placed.starts_shot,
+                starts_shot,
             )
+            starts_shot = False
+    if unseen:
+        raise InputError(
+            f"it has no frame {min(unseen)}, counted from 0, for {files[min(unseen)].name}",
+            where=str(source),
+            remedy="Is it the clip that the folder was made of?",
+        )
 
 
-def _analysed(clip: Clip) -> Iterator[keyframes.Analysed]:
-    for frame in clip.frames():
-        yield keyframes.analyse_frame(frame, analysis_guide(frame, 512))
+def _analysed(clip: Clip, start: int, map_width: int) -> Iterator[keyframes.Analysed]:
+    for frame in clip.frames(start):
+        yield keyframes.analyse_frame(frame, analysis_guide(frame, map_width))
 
 
 def _small(values: Float32, width: int, height: int) -> Float32:
@@ -196,12 +162,57 @@ def _small(values: Float32, width: int, height: int) -> Float32:
     return np.asarray(cv2.resize(values, (width, height), interpolation=cv2.INTER_AREA))
 
 
-def _measure(seen: Sequence[_Seen], origins: Origins | None, key_interval: int) -> Shot:
-    def change(a: _Seen, b: _Seen) -> tuple[float, float]:
-        if origins is not None:
-            if b.index >= len(origins):
+class _Mean:
+    """A running mean of what is not NaN; NaN of nothing."""
+
+    def __init__(self) -> None:
+        self._total, self._count = 0.0, 0
+
+    def add(self, value: float) -> None:
+        if not math.isnan(value):
+            self._total += value
+            self._count += 1
+
+    @property
+    def value(self) -> float:
+        return self._total / self._count if self._count else math.nan
+
+
+class _Running:
+    """A shot's figures while its frames go by; holds no pictures but the last one's and key's."""
+
+    def __init__(self, first: int, origins: Origins | None, key_interval: int) -> None:
+        self._first = self.last = first
+        self._origins, self._key_interval = origins, key_interval
+        self._before: _Seen | None = None
+        self._key: _Seen | None = None
+        self._lowest, self._highest = math.inf, -math.inf
+        self._means = {name: _Mean() for name in METRICS if name != "background_drift"}
+
+    def add(self, frame: _Seen) -> None:
+        if self._before is not None and self._before.index + 1 == frame.index:
+            gain, weight = self._change(self._before, frame)
+            self._means["gain_flicker"].add(gain)
+            self._means["map_flicker"].add(weight)
+        if frame.index % self._key_interval == 0:
+            if self._key is not None and self._key.index + self._key_interval == frame.index:
+                self._means["key_to_key"].add(self._change(self._key, frame)[0])
+            self._key = frame
+        self._means["noise_gain"].add(frame.noise_gain)
+        self._lowest = min(self._lowest, frame.background)
+        self._highest = max(self._highest, frame.background)
+        self._before, self.last = frame, frame.index
+
+    def shot(self) -> Shot:
+        drift = {"background_drift": self._highest - self._lowest}
+        figures = {name: mean.value for name, mean in self._means.items()} | drift
+        return Shot(self._first, self.last, {name: figures[name] for name in METRICS})
+
+    def _change(self, a: _Seen, b: _Seen) -> tuple[float, float]:
+        if self._origins is not None:
+            if b.index >= len(self._origins):
                 raise UsageError(f"the motion ends before frame {b.index}")
-            (xa, ya), (xb, yb) = origins[a.index], origins[b.index]
+            (xa, ya), (xb, yb) = self._origins[a.index], self._origins[b.index]
             flow, valid = flicker.known_flow(b.gain_stops.shape[:2], xb - xa, yb - ya)
         else:
             flow, valid = flicker.estimated_flow(b.grey, a.grey)
@@ -209,21 +220,3 @@ def _measure(seen: Sequence[_Seen], origins: Origins | None, key_interval: int) 
         if a.weight is None or b.weight is None:
             return gain, math.nan
         return gain, flicker.change_along(a.weight, b.weight, flow, valid)
-
-    steps = [change(a, b) for a, b in pairwise(seen)]
-    keys = [frame for frame in seen if frame.index % key_interval == 0]
-    key_steps = [change(a, b)[0] for a, b in pairwise(keys)]
-    levels = [frame.background for frame in seen]
-    figures = {
-        "map_flicker": _mean([weight for _, weight in steps]),
-        "gain_flicker": _mean([gain for gain, _ in steps]),
-        "background_drift": max(levels) - min(levels),
-        "noise_gain": _mean([frame.noise_gain for frame in seen]),
-        "key_to_key": _mean(key_steps),
-    }
-    return Shot(seen[0].index, seen[-1].index, figures)
-
-
-def _mean(values: Sequence[float]) -> float:
-    known = [value for value in values if not math.isnan(value)]
-    return float(np.mean(known)) if known else math.nan

@@ -44,7 +44,7 @@ def maps(clip: Path, kind: str) -> list[npt.NDArray[np.float32]]:
     chosen = {"temporal": temporal, "layers": ("expand_map",), "compression": "none"}
     with tempfile.TemporaryDirectory() as folder:
         convert(clip / "sdr.mkv", folder, make_settings(preset, **chosen))
-        files = sequence.exr_files(Path(folder))
+        files = sorted(Path(folder).glob("*.exr"))
         return [read_exr(f).channels["expand_map.Y"].astype(np.float32) for f in files]
 
 

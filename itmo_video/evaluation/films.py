@@ -1,0 +1,54 @@
+"""Folders of EXR files, and clips, as the films that a video metric looks at."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+from itertools import pairwise
+from pathlib import Path
+
+from itmo_video.evaluation.agreement import SDR, TEST, Display
+from itmo_video.evaluation.folders import (
+    Pair,
+    frame_rate,
+    frame_rgb,
+    open_sequence,
+    open_source,
+    pair,
+    read_rgb,
+)
+from itmo_video.evaluation.vdp import Film, Pictures, on_display
+from itmo_video.model import Float32
+from itmo_video.reader import Clip, frames_at
+
+
+def films(test: Path, reference: Path, source: Path | None, display: Display) -> dict[str, Film]:
+    """A folder beside its truth by row: TEST, and SDR where the clip is given.
+
+    Frames are matched as `compare_sequences` does. Where frames are left out evenly, the rate is
+    that of the frames there are. Raises InputError where folders or clip do not fit together.
+    """
+    sequence = open_sequence(test)
+    pairs = pair(sequence, open_sequence(reference))
+    clip = None if source is None else open_source(source, sequence.settings_or_default)
+    height, width = read_rgb(pairs[0].truth).shape[:2]
+    steps = [b.index - a.index for a, b in pairwise(pairs)]
+    rate = Fraction(frame_rate(sequence, clip), min(steps, default=1))
+
+    def converted() -> Pictures:
+        for item in pairs:
+            yield on_display(read_rgb(item.test), display), _truth(item, display)
+
+    made = {TEST: Film(converted, len(pairs), (width, height), rate)}
+    if clip is not None:
+        made[SDR] = Film(lambda: _original(clip, pairs, display), len(pairs), (width, height), rate)
+    return made
+
+
+def _original(clip: Clip, pairs: list[Pair], display: Display) -> Pictures:
+    frames = frames_at(clip, [item.index for item in pairs])
+    for item, frame in zip(pairs, frames, strict=True):
+        yield on_display(frame_rgb(frame), display), _truth(item, display)
+
+
+def _truth(item: Pair, display: Display) -> Float32:
+    return on_display(read_rgb(item.truth), display)

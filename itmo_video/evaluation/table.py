@@ -1,0 +1,92 @@
+"""Figures of `evaluate` as text for a terminal, and as what JSON has."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict
+from typing import Any
+
+from itmo_video.evaluation.agreement import FIGURES, Agreement
+from itmo_video.evaluation.fidelity import Zone
+from itmo_video.evaluation.sequence import Shot
+
+HEADINGS = {
+    "pq_psnr_db": "PQ-PSNR dB", "pu21_psnr_db": "PU21-PSNR dB", "pu21_ssim": "PU21-SSIM",
+    "visible_share": "visible", "obvious_share": "obvious", "peak_stops": "peak, stops",
+    "jod": "JOD",
+}  # fmt: skip
+
+
+def plain(value: Any) -> Any:
+    """Values that JSON has: not a number and infinity become null, keys become words."""
+    if isinstance(value, Mapping):
+        return {str(key): plain(part) for key, part in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(part) for part in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def agreement_facts(agreement: Agreement) -> dict[str, Any]:
+    """An Agreement as plain values, its figures first."""
+    told = asdict(agreement)
+    figures: dict[str, Any] = told.pop("figures")
+    return figures | told
+
+
+def agreement_table(rows: Mapping[str, Agreement]) -> str:
+    """Figures, errors by zone, percentiles and worst frames of each row."""
+    names = [name for name in HEADINGS if any(name in row.figures for row in rows.values())]
+    parts = [
+        _table(
+            ["", *(HEADINGS[name] for name in names)],
+            ([title, *(_cell(row.figures.get(name, math.nan)) for name in names)]
+             for title, row in rows.items()),
+        ),
+        _table(
+            ["true stops against white", *(_bounds(z) for z in next(iter(rows.values())).zones)],
+            [["share", *(f"{z.share:.2%}" for z in next(iter(rows.values())).zones)]]
+            + [[f"{title}, mean error", *(_cell(z.mean, 2) for z in row.zones)]
+               for title, row in rows.items()]
+            + [[f"{title}, mean absolute", *(_cell(z.mean_abs, 2) for z in row.zones)]
+               for title, row in rows.items()],
+        ),
+        _table(
+            ["percentile", *(f"{p:g}" for p in next(iter(rows.values())).percentile_stops)],
+            ([f"{title}, stops off", *(_cell(v, 2) for v in row.percentile_stops.values())]
+             for title, row in rows.items()),
+        ),
+    ]  # fmt: skip
+    for title, row in rows.items():
+        worst = (f"{HEADINGS[n]} {_cell(row.worst[n].value)} in {row.worst[n].number}"
+                 for n in FIGURES)  # fmt: skip
+        parts.append(f"worst frames, {title}: {'; '.join(worst)}")
+    return "\n\n".join(parts)
+
+
+def flicker_table(shots: Sequence[Shot], clip: Mapping[str, float]) -> str:
+    """A line a shot, numbered by source frames from 0, and one for the clip."""
+    rows = [[f"shot {s.first}-{s.last}", *(_cell(v, 5) for v in s.figures.values())] for s in shots]
+    return _table(["", *clip], [*rows, ["clip", *(_cell(value, 5) for value in clip.values())]])
+
+
+def _bounds(zone: Zone) -> str:
+    if math.isinf(zone.lower):
+        return f"below {zone.upper:g}"
+    return f"from {zone.lower:g}"
+
+
+def _cell(value: float, digits: int = 3) -> str:
+    return "-" if math.isnan(value) else f"{value:.{digits}f}"
+
+
+def _table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    lines = [head, *rows]
+    widths = [max(len(line[i]) for line in lines) for i in range(len(head))]
+    return "\n".join(
+        "  ".join(
+            cell.ljust(width) if i == 0 else cell.rjust(width)
+            for i, (cell, width) in enumerate(zip(line, widths, strict=True))
+        ).rstrip()
+        for line in lines
+    )
