@@ -24,9 +24,10 @@ import numpy as np
 import numpy.typing as npt
 
 from itmo_video import colour
-from itmo_video.atomic import StrPath, write_whole
+from itmo_video.atomic import StrPath, write_parts, write_whole
 from itmo_video.errors import InputError
-from itmo_video.exr_chunks import DamageError, check_chunks, parse_header
+from itmo_video.exr_chunks import DamageError, check_chunks, parse_header, with_window
+from itmo_video.exr_scanlines import BLOCK_LINES, scanline_file
 from itmo_video.model import Float32, Half
 
 Chromaticities = tuple[float, float, float, float, float, float, float, float]
@@ -121,9 +122,17 @@ def write_exr(
         header.compression != "none" or layers or tuple(header.chromaticities) != AP0
     ):
         raise ValueError("an ACES container must be uncompressed AP0 without layers")
+    attributes = _attributes(header)
     encoded = io.BytesIO()
-    OpenEXR.File(_attributes(header), channels, num_threads=0).write(encoded)
-    return write_whole(path, encoded.getbuffer(), durable=durable)
+    if header.compression not in BLOCK_LINES:
+        OpenEXR.File(attributes, channels, num_threads=0).write(encoded)
+        return write_whole(path, encoded.getbuffer(), durable=durable)
+    # OpenEXR writes the header of a picture of one pixel; the chunks are ours.
+    pixels = {name: np.zeros((1, 1), channel.dtype) for name, channel in channels.items()}
+    OpenEXR.File(attributes, pixels, num_threads=0).write(encoded)
+    height, width = channels["R"].shape
+    first = with_window(encoded.getvalue(), width, height)
+    return write_parts(path, scanline_file(first, channels, header.compression), durable=durable)
 
 
 def read_exr(path: StrPath) -> ExrImage:
