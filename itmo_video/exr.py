@@ -1,8 +1,9 @@
 """Half-float OpenEXR frames on disk: whole or not there at all, the same bytes every time.
 
 The only module that imports OpenEXR, and only inside functions, so that the names come at once.
-Frames are encoded to memory and written by us: OpenEXR's own file writer loses the error when its
-last buffer does not fit on the disk, and says no more of a failure than a sentence.
+Files are written by us: OpenEXR's own file writer loses the error when its last buffer does not fit
+on the disk, and says no more of a failure than a sentence. It encodes to memory; where we can lay
+the chunks out faster than it does (exr_scanlines) it makes the header only.
 """
 
 from __future__ import annotations
