@@ -15,6 +15,7 @@ import multiprocessing
 import os
 import platform
 import re
+import shlex
 import shutil
 import statistics
 import subprocess
@@ -57,7 +58,8 @@ def make_clip(path: Path, width: int, height: int, frames: int, pixel_format: st
     for x, y, r in rng.integers((0, 0, 4), (wide.shape[1], height, height // 20), (60, 3)):
         cv2.circle(wide, (int(x), int(y)), int(r), 1.0, -1, cv2.LINE_AA)
     grain = [rng.normal(0, 0.012, (height, width)).astype(np.float32) for _ in range(5)]
-    with av.open(str(path), "w") as box:
+    part = path.with_name(f"part-{path.name}")  # renamed when whole
+    with av.open(str(part), "w") as box:
         stream = box.add_stream(
             "libx264", rate=Fraction(24), options={"crf": "20", "preset": "veryfast"}
         )
@@ -72,7 +74,7 @@ def make_clip(path: Path, width: int, height: int, frames: int, pixel_format: st
             frame.pts = n
             box.mux(stream.encode(frame))
         box.mux(stream.encode())
-    return path
+    return part.rename(path)
 
 
 def run(command: list[str], out: Path, cores: int | None = None) -> Cost:
@@ -141,16 +143,6 @@ def main() -> None:
     n, out = args.frames, work / "out"
     hd, hd10 = work / "hd8.mp4", work / "hd10.mp4"
     uhd, uhd10 = work / "uhd8.mp4", work / "uhd10.mp4"
-    for path, width, height, count, pixel_format in (
-        (hd, 1920, 1080, n, "yuv420p"),
-        (hd10, 1920, 1080, n, "yuv420p10le"),
-        (uhd, 3840, 2160, n // 2, "yuv420p"),
-        (uhd10, 3840, 2160, n // 2, "yuv420p10le"),
-    ):
-        # In a process of its own: a child's peak memory begins at its parent's.
-        making = SPAWN.Process(target=make_clip, args=(path, width, height, count, pixel_format))
-        making.start()
-        making.join()
 
     # name: (command, frames, pinned cores, the row that it is compared with)
     rows: dict[str, tuple[list[str], int, int | None, str | None]] = {
@@ -171,12 +163,24 @@ def main() -> None:
     }
     if args.only:
         rows = {name: row for name, row in rows.items() if name in args.only.split(",")}
+    for path, width, height, count, pixel_format in (
+        (hd, 1920, 1080, n, "yuv420p"),
+        (hd10, 1920, 1080, n, "yuv420p10le"),
+        (uhd, 3840, 2160, n // 2, "yuv420p"),
+        (uhd10, 3840, 2160, n // 2, "yuv420p10le"),
+    ):
+        if not any(str(path) in row[0] for row in rows.values()):
+            continue
+        # In a process of its own: a child's peak memory begins at its parent's.
+        making = SPAWN.Process(target=make_clip, args=(path, width, height, count, pixel_format))
+        making.start()
+        making.join()
     costs: dict[str, list[Cost]] = {name: [] for name in rows}
     for _ in range(args.rounds):
         for name, (command, _frames, cores, _against) in rows.items():
             costs[name].append(run(command, out, cores))
-    asked = " ".join(sys.argv[1:])
-    print(f"`python tests/benchmarks/against_ffmpeg.py {asked}`".replace(" `", "`"))
+    asked = shlex.join(["python", "tests/benchmarks/against_ffmpeg.py", *sys.argv[1:]])
+    print(f"`{asked}`")
     print(f"({args.rounds} rounds of {n} frames, half as many of 2160p; medians)\n")
     print(f"{machine()}\n")
     print("| run | fps | CPU ms/frame | peak MB | MB/frame | speed | goal |")
