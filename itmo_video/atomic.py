@@ -12,6 +12,7 @@ import itertools
 import os
 import re
 import socket
+from collections.abc import Iterable
 from contextlib import suppress
 from pathlib import Path
 from typing import NamedTuple
@@ -106,15 +107,25 @@ def boot_time_s() -> float:
 
 
 def write_whole(path: StrPath, data: bytes | memoryview, *, durable: bool = False) -> int:
-    """Put `data` at `path` by way of a temporary file and return its size in bytes.
+    """Put `data` at `path` as `write_parts` does."""
+    return write_parts(path, (data,), durable=durable)
 
-    Whoever looks sees the old file or the whole new one. Raises OutputError when it cannot be
-    written; the temporary file is removed whatever goes wrong.
+
+def write_parts(
+    path: StrPath, parts: Iterable[bytes | memoryview], *, durable: bool = False
+) -> int:
+    """Put `parts` at `path` by way of a temporary file and return its size in bytes.
+
+    Each part is written before the next is asked for. Whoever looks sees the old file or the whole
+    new one. Raises OutputError when it cannot be written; the temporary file is removed whatever
+    goes wrong.
     """
     temp = temp_path(path)
+    size = 0
     try:
         with open(temp, "xb") as file:
-            file.write(data)
+            for part in parts:
+                size += file.write(part)
             if durable:
                 file.flush()
                 os.fsync(file.fileno())
@@ -126,7 +137,7 @@ def write_whole(path: StrPath, data: bytes | memoryview, *, durable: bool = Fals
     finally:  # after the rename there is nothing left to remove
         with suppress(OSError):
             temp.unlink()
-    return len(data)
+    return size
 
 
 def _sync_folder(folder: Path) -> None:

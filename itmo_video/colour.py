@@ -62,7 +62,9 @@ _GAMMA: dict[Transfer, float] = {"bt1886": 2.4, "gamma22": 2.2, "linear": 1.0}
 # IEC 61966-2-1 as published: slope, offset, exponent, and where the line ends in code and light.
 _SRGB_SLOPE, _SRGB_OFFSET, _SRGB_POWER = 12.92, 0.055, 2.4
 _SRGB_CODE, _SRGB_LIGHT = 0.04045, 0.0031308
+# cv2.pow is 20 times slower at 0, and the power of this floor is still no subnormal.
 _POWER_FLOOR = 1e-8
+_FROM_ZERO = ("linear", "srgb")  # these take no power of a code near 0
 
 
 def to_rgb_code(frame: Frame) -> Planes:
@@ -270,17 +272,19 @@ def _double_columns(values: Float32, offset: float) -> Float32:
 
 def _eotf_in_place(code: Float32, transfer: Transfer, clip: bool) -> None:
     if clip:
-        cv2.min(code, 1.0, dst=code)
-        cv2.max(code, 0.0, dst=code)
+        np.clip(code, 0 if transfer in _FROM_ZERO else _POWER_FLOOR, 1, out=code)
         _eotf_of_positive(code, transfer)
         return
     signed = code.copy()
     np.abs(code, out=code)
+    if transfer not in _FROM_ZERO:
+        cv2.max(code, _POWER_FLOOR, dst=code)
     _eotf_of_positive(code, transfer)
     np.copysign(code, signed, out=code)
 
 
 def _eotf_of_positive(code: Float32, transfer: Transfer) -> None:
+    """In place, of codes not below _POWER_FLOOR, or not below 0 for those of _FROM_ZERO."""
     if transfer == "srgb":
         scale = 1 / (1 + _SRGB_OFFSET)
         curve = cv2.addWeighted(code, scale, code, 0, _SRGB_OFFSET * scale)
@@ -289,8 +293,6 @@ def _eotf_of_positive(code: Float32, transfer: Transfer) -> None:
         cv2.multiply(code, 1 / _SRGB_SLOPE, dst=code)
         cv2.copyTo(curve, curved, code)
     elif transfer != "linear":
-        # cv2.pow is 20 times slower at 0, and the power of this floor is still no subnormal.
-        cv2.max(code, _POWER_FLOOR, dst=code)
         cv2.pow(code, _gamma(transfer), dst=code)
         cv2.threshold(code, 10 * _POWER_FLOOR**2, 0, cv2.THRESH_TOZERO, dst=code)
 

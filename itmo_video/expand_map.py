@@ -14,7 +14,6 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 import scipy.fft
-from scipy.spatial import cKDTree
 
 from itmo_video.median_cut import Lights
 from itmo_video.model import Float32, Float64
@@ -250,6 +249,8 @@ def _able_to_count(
     """
     if min_lights <= 1:
         return lights
+    from scipy.spatial import cKDTree  # a tenth of a second, for the hard threshold only
+
     tree = cKDTree(
         np.column_stack((lights.x, lights.y)), boxsize=np.array([width if wrap_x else 0.0, 0.0])
     )

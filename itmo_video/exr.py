@@ -1,8 +1,9 @@
 """Half-float OpenEXR frames on disk: whole or not there at all, the same bytes every time.
 
 The only module that imports OpenEXR, and only inside functions, so that the names come at once.
-Frames are encoded to memory and written by us: OpenEXR's own file writer loses the error when its
-last buffer does not fit on the disk, and says no more of a failure than a sentence.
+Files are written by us: OpenEXR's own file writer loses the error when its last buffer does not fit
+on the disk, and says no more of a failure than a sentence. It encodes to memory; where we can lay
+the chunks out faster than it does (exr_scanlines) it makes the header only.
 """
 
 from __future__ import annotations
@@ -24,9 +25,10 @@ import numpy as np
 import numpy.typing as npt
 
 from itmo_video import colour
-from itmo_video.atomic import StrPath, write_whole
+from itmo_video.atomic import StrPath, write_parts, write_whole
 from itmo_video.errors import InputError
-from itmo_video.exr_chunks import DamageError, check_chunks, parse_header
+from itmo_video.exr_chunks import DamageError, check_chunks, parse_header, with_window
+from itmo_video.exr_scanlines import BLOCK_LINES, scanline_file
 from itmo_video.model import Float32, Half
 
 Chromaticities = tuple[float, float, float, float, float, float, float, float]
@@ -121,9 +123,17 @@ def write_exr(
         header.compression != "none" or layers or tuple(header.chromaticities) != AP0
     ):
         raise ValueError("an ACES container must be uncompressed AP0 without layers")
+    attributes = _attributes(header)
     encoded = io.BytesIO()
-    OpenEXR.File(_attributes(header), channels, num_threads=0).write(encoded)
-    return write_whole(path, encoded.getbuffer(), durable=durable)
+    if header.compression not in BLOCK_LINES:
+        OpenEXR.File(attributes, channels, num_threads=0).write(encoded)
+        return write_whole(path, encoded.getbuffer(), durable=durable)
+    # OpenEXR writes the header of a picture of one pixel; the chunks are ours.
+    pixels = {name: np.zeros((1, 1), channel.dtype) for name, channel in channels.items()}
+    OpenEXR.File(attributes, pixels, num_threads=0).write(encoded)
+    height, width = channels["R"].shape
+    first = with_window(encoded.getvalue(), width, height)
+    return write_parts(path, scanline_file(first, channels, header.compression), durable=durable)
 
 
 def read_exr(path: StrPath) -> ExrImage:

@@ -35,6 +35,17 @@ def parse_header(data: bytes) -> tuple[dict[str, tuple[str, bytes]], int]:
     return attributes, position + 1
 
 
+def with_window(data: bytes, width: int, height: int) -> bytes:
+    """The bytes in front of a file's table of chunks, with windows of another size from (0, 0)."""
+    attributes, _ = parse_header(data)
+    window = "box2i", struct.pack("<4i", 0, 0, width - 1, height - 1)
+    attributes |= {"dataWindow": window, "displayWindow": window}
+    header = [data[:8]]
+    for name, (kind, value) in attributes.items():
+        header.append(f"{name}\0{kind}\0".encode("latin-1") + struct.pack("<i", len(value)) + value)
+    return b"".join(header) + b"\0"
+
+
 def check_chunks(data: bytes) -> None:
     """Follow the table of chunks through a plain scan line file: each must lie inside of it.
 

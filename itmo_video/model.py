@@ -89,8 +89,9 @@ class Frame:
 
     `planes` holds, by `encoding.family`: (Y, Cb, Cr), (R, G, B) or (Y,), then A when it has alpha;
     uint8 for 8 bits, else uint16 with the code in the low bits; 4:2:0 and 4:2:2 chroma planes are
-    smaller. `index` counts the source's frames in presentation order from 0; `time_s` is its
-    presentation time in seconds, as the file has it.
+    smaller. They are for reading only, and their lines may lie apart. `index` counts the source's
+    frames in presentation order from 0; `time_s` is its presentation time in seconds, as the file
+    has it.
     """
 
     index: int

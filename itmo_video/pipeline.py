@@ -12,7 +12,7 @@ import cv2
 
 from itmo_video import keyframes, warp
 from itmo_video.errors import DamagedInputError
-from itmo_video.guide import analysis_guide
+from itmo_video.guide import analysis_guide, analysis_size
 from itmo_video.keyframes import Analysed, Span
 from itmo_video.model import Float32, Frame
 from itmo_video.reader import Clip
@@ -60,18 +60,31 @@ def plan_runs(wanted: Sequence[int], look: Look) -> list[Run]:
     return runs
 
 
+def frames_in_flight(look: Look, jobs: int) -> int:
+    """Upper bound of the decoded frames that are held at a time, whatever the clip.
+
+    `jobs + 1` spans are handed out; behind them wait the next one and those whose keys its
+    smoothing looks ahead to, then a last key and the window that finds cuts and flashes. Smoothing
+    also keeps keys behind. A flash makes one span longer and the following one as much shorter,
+    but workers may be left with long ones only.
+    """
+    smooth, ahead = look.settings.smooth_reach, keyframes.CUT_REACH + 2
+    spans = jobs + 2 + smooth
+    longer = (jobs + 1) * keyframes.CUT_REACH
+    return spans * look.settings.key_reach + longer + smooth + 1 + ahead + 1
+
+
 def memory_bound_bytes(width: int, height: int, bytes_per_code: int, look: Look, jobs: int) -> int:
     """Upper bound of what frames in flight take: codes that wait, and workers' float planes.
 
-    Waiting are the frames of `jobs + 2` spans and those that smoothing looks ahead over; a worker
-    holds about 14 float planes and its half-float result and file.
+    A worker holds about 14 float planes and its half-float result and file. Decoders keep a rim
+    around their pictures. At analysis size a key has a guide, a grey picture, a map and two flows.
     """
-    settings = look.settings
-    pixels = width * height
-    ahead = (settings.smooth_reach + 1) * settings.key_reach + keyframes.CUT_REACH + 2
-    waiting = (jobs + 2) * settings.key_reach + ahead
-    codes = waiting * pixels * 3 * bytes_per_code
-    return codes + jobs * pixels * (14 * 4 + 2 * 3 * 2) + (160 << 20)
+    small_width, small_height = analysis_size(width, height, look.settings.map_width)
+    codes = (width + 128) * (height + 64) * 3 * bytes_per_code
+    analysed = small_width * small_height * (4 + 1 + 4 + 2 * 8)
+    waiting = frames_in_flight(look, jobs) * (codes + analysed)
+    return waiting + jobs * width * height * (14 * 4 + 2 * 3 * 2) + (160 << 20)
 
 
 def analysed_frames(clip: Clip, run: Run, look: Look) -> Iterator[Analysed]:

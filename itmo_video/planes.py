@@ -99,7 +99,8 @@ def _planar(frame: Any, kind: str, bit_depth: int, big: bool) -> Picture:
     order = {"gbrp": (2, 0, 1), "gbrap": (2, 0, 1, 3), "gray": (0,), "yuva": (0, 1, 2, 3)}
     family: Family = "rgb" if kind.startswith("gb") else "grey" if kind == "gray" else "ycbcr"
     planes = [frame.planes[i] for i in order.get(kind, (0, 1, 2))]
-    codes = tuple(_raw(plane, plane.width, bit_depth, big).copy() for plane in planes)
+    # The decoder's own memory, which it uses again once these views are gone; nothing writes here.
+    codes = tuple(_raw(plane, plane.width, bit_depth, big) for plane in planes)
     return Picture(family, bit_depth, kind in ("yuva", "gbrap"), codes)
 
 

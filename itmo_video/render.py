@@ -81,7 +81,7 @@ def frame_luminance(frame: Frame) -> Float32:
         rgb = _buffers(rows, width)
         colour.strip_to_rgb_linear(frame, rows, True, rgb)
         luminance_of(rgb, luminance[rows])
-    return np.minimum(luminance, np.float32(1), out=luminance)
+    return np.clip(luminance, 0, 1, out=luminance)
 
 
 def make_key_map(frame: Frame, look: Look) -> Float32:

@@ -7,7 +7,7 @@ from itmo_video.settings import Settings
 # Bytes of a file by those of its half floats, measured on camera-like clips with grain (the more
 # demanding of the sample clips, rounded up); a clean cartoon takes far less.
 SHARE_LEFT = {
-    "none": 1.0, "rle": 1.0, "zips": 0.8, "zip": 0.7, "piz": 0.7, "pxr24": 0.75, "b44": 0.45,
+    "none": 1.0, "rle": 1.0, "zips": 0.85, "zip": 0.8, "piz": 0.7, "pxr24": 0.75, "b44": 0.45,
     "dwaa": 0.25, "dwab": 0.25, "htj2k": 0.6, "zstd": 0.8,
 }  # fmt: skip
 _HEADER_BYTES = 4096

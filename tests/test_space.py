@@ -34,7 +34,7 @@ def test_a_warning_where_it_will_not_fit(tmp_path: Path, monkeypatch: pytest.Mon
     settings, run = make_settings(), RunOptions(frames="1-3")
     assert "warning" not in conversion.describe_plan(CLIP, tmp_path, settings, run)
     planned = conversion.describe_plan(CLIP, tmp_path, settings, RunOptions())
-    assert "warning: about 26 MB will be needed and 10 MB are free" in planned
+    assert "warning: about 30 MB will be needed and 10 MB are free" in planned
 
     monkeypatch.setattr(conversion, "free_bytes", lambda path: 1_000_000)
     events: list[conversion.Event] = []

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import cv2
 import numpy as np
 
 from itmo_video.model import Float32
@@ -31,7 +32,9 @@ def gain_banterle2006(luminance: Float32, context: Context) -> Float32:
     l_max = context.l_max if scale is None else context.l_white * scale
     c = np.float32(4.0 / context.l_white**2)
     u = np.float32(1) - luminance
-    root: Float32 = np.sqrt(u * u + c * luminance)
+    root = u * u
+    root += c * luminance
+    cv2.sqrt(root, dst=root)
     root += u
     np.divide(np.float32(2.0 * l_max / context.l_white), root, out=root)
     return root
