@@ -10,7 +10,7 @@ import numpy as np
 
 from itmo_video import colour, expand_map
 from itmo_video.bars import find_bars
-from itmo_video.guide import FullMap, NoiseGuard, analysis_guide, analysis_size, guide_codes
+from itmo_video.guide import FullMap, NoiseGuard, analysis_guide, analysis_size, strip_codes
 from itmo_video.median_cut import median_cut
 from itmo_video.model import Float32, Float64, Frame, Half
 from itmo_video.operators import (
@@ -166,6 +166,7 @@ def render(
         weights = FullMap(map_small, frame, guide, settings)
     guard = NoiseGuard(frame, guide) if settings.noise_guard else None
     needs_codes = guard is not None or (weights is not None and settings.edge_aware)
+    wrap_x = settings.projection == "latlong"
     # A gain of L'max on a pixel of one pure primary may pass what a half can hold.
     limit = settings.alpha is not None or not clip or 20 * context.l_max > HALF_MAX
     alpha = _alpha(frame)
@@ -176,11 +177,11 @@ def render(
         colour.strip_to_rgb_linear(frame, rows, clip, rgb)
         luminance = luminance_of(rgb)
         np.clip(luminance, 0, 1, out=luminance)
-        codes = guide_codes(frame, rows=rows) if needs_codes else None
+        codes, soft = strip_codes(frame, rows, wrap_x) if needs_codes else (None, None)
         if guard is not None and codes is not None:
             luminance = guard.smooth(luminance, rows, codes)
         gain = look.operator.gain(luminance, context)
-        weight = None if weights is None else weights.rows(rows, codes)
+        weight = None if weights is None else weights.rows(rows, soft)
         if weight is not None:
             gain -= base
             gain *= weight
