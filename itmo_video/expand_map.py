@@ -6,6 +6,7 @@ power is luminance * pixels with white at 1, so that a white area has density 1 
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Iterator
 from typing import Any, TypeAlias
@@ -23,6 +24,8 @@ Indices: TypeAlias = npt.NDArray[np.intp]
 
 GAMMA = 0.918  # eq. 16, after Pavicic 1990
 BETA = 1.953
+
+RAMP_BELOW, RAMP_ABOVE = 2.1, 1.9  # lights below and above the threshold
 
 _PAPER_PIXELS = 512 * 768  # the pictures that the paper's radius of 16 was chosen on
 _MAX_PAIRS = 1_000_000  # light-pixel pairs looked at in one go: bounds memory on large pictures
@@ -112,13 +115,40 @@ def density_map_soft(
 ) -> Float32:
     """Expand Map that changes smoothly as lights move, for video; contract as `density_map`.
 
-    Departs from the paper in three ways, each taking out a jump: r_max is the radius itself in
-    eq. 16; lights are spread bilinearly over the four pixels around them; and the threshold is a
-    smooth ramp, from `min_lights` - 2.2 to + 1.8, on a count with a soft-edged disc (so set, the
-    maps of 21 panoramas have the mean of the hard one, 4 % more in the median). No threshold
-    at `min_lights` <= 1.
+    Departs from the paper in four ways, each taking out a jump: r_max is the radius itself in
+    eq. 16; lights are spread bilinearly over the four pixels around them; what of the disc lies
+    outside the picture is left out of account, so that a sky is no darker at the frame's edge; and
+    the threshold is a smooth ramp about `min_lights` on a count with a soft-edged disc (so set that
+    the map's mean is the hard one's over many panoramas). No threshold at `min_lights` <= 1.
     """
     height, width = _checked(shape_hw, radius_px)
+    is_thresholded = min_lights > 1
+    kernels, share, size = _soft_kernels((height, width), radius_px, is_thresholded, wrap_x)
+    splats = np.zeros((len(kernels), *size), np.float32)
+    _splat(lights, lights.power, splats[0])
+    if is_thresholded:
+        _splat(lights, np.ones_like(lights.power), splats[1])
+    spectra = scipy.fft.rfft2(splats)
+    spectra *= kernels
+    sums = scipy.fft.irfft2(spectra, s=size, overwrite_x=True)[:, :height, :width]
+    sums /= share
+    density = np.clip(sums[0], 0.0, 1.0)  # rounding leaves tiny negatives
+    if is_thresholded:
+        start, end = max(min_lights - RAMP_BELOW, 0.0), min_lights + RAMP_ABOVE
+        ramp = np.clip((sums[1] - np.float32(start)) / np.float32(end - start), 0.0, 1.0)
+        density *= ramp * ramp * (3.0 - 2.0 * ramp)
+    return np.ascontiguousarray(density, dtype=np.float32)
+
+
+@functools.lru_cache(maxsize=4)
+def _soft_kernels(
+    shape_hw: tuple[int, int], radius_px: float, is_thresholded: bool, wrap_x: bool
+) -> tuple[npt.NDArray[np.complex64], Float32, tuple[int, int]]:
+    """Spectra of the weights' and the count's kernels, and the size to transform at.
+
+    Between them, (1 or 2, H, W), the share of each kernel that lies in the picture.
+    """
+    height, width = shape_hw
     edge_px = max(1.0, 0.15 * radius_px)  # width of the soft edge, which straddles the radius
     reach = math.ceil(radius_px + 0.5 * edge_px)
     # Convolved by FFT: half of filter2D's time at a radius of 10 px, and the same at any other.
@@ -126,7 +156,6 @@ def density_map_soft(
     room_y, room_x = min(reach, height - 1), min(reach, width // 2 if wrap_x else width - 1)
     rows = scipy.fft.next_fast_len(height + room_y, real=True)
     columns = width if wrap_x else scipy.fft.next_fast_len(width + room_x, real=True)
-    is_thresholded = min_lights > 1
 
     dy = np.arange(-room_y, room_y + 1.0)[:, np.newaxis]
     dx = np.arange(-room_x, room_x + 1.0)  # where both ends meet, half a turn off, they agree
@@ -136,20 +165,14 @@ def density_map_soft(
     radius_square = radius_px * radius_px
     weight = _weight_of_square(square / (radius_square or 1.0)) / white_density(radius_px)
     kernels[0][at] = np.where(square <= radius_square, weight, 0.0)
-    splats = np.zeros_like(kernels)
-    _splat(lights, lights.power, splats[0])
     if is_thresholded:
         kernels[1][at] = np.clip((radius_px - np.sqrt(square)) / edge_px + 0.5, 0.0, 1.0)
-        _splat(lights, np.ones_like(lights.power), splats[1])
-    spectra = scipy.fft.rfft2(splats)
-    spectra *= scipy.fft.rfft2(kernels)
-    sums = scipy.fft.irfft2(spectra, s=(rows, columns), overwrite_x=True)[:, :height, :width]
-    density = np.clip(sums[0], 0.0, 1.0)  # rounding leaves tiny negatives
-    if is_thresholded:
-        start, end = max(min_lights - 2.2, 0.0), min_lights + 1.8
-        ramp = np.clip((sums[1] - np.float32(start)) / np.float32(end - start), 0.0, 1.0)
-        density *= ramp * ramp * (3.0 - 2.0 * ramp)
-    return np.ascontiguousarray(density, dtype=np.float32)
+    spectra = scipy.fft.rfft2(kernels)
+    picture = np.zeros_like(kernels)
+    picture[:, :height, :width] = 1
+    share = scipy.fft.irfft2(spectra * scipy.fft.rfft2(picture), s=(rows, columns))
+    share = share[:, :height, :width] / kernels.sum((1, 2), dtype=np.float64)[:, None, None]
+    return spectra, share.astype(np.float32), (rows, columns)
 
 
 def upsample_bilinear(map_small: Float32, shape_hw: tuple[int, int]) -> Float32:

@@ -15,6 +15,7 @@ from itmo_video.operators import LUMINANCE_WEIGHTS
 from itmo_video.settings import Settings
 
 EDGE_EPSILON = 1e-3  # contrasts (squared, of codes 0..1) below this do not bend the map
+SOFTENING = np.array([1, 4, 6, 4, 1], np.float32) / 16  # binomial, a standard deviation of 1 px
 GRAIN_EPSILON = 4e-4  # contrasts below this, 2 % of the code range, count as grain
 GRAIN_RADIUS_PX = 3  # at analysis size
 GAMMA = 2.4  # how luminance goes with the code, for small differences
@@ -56,6 +57,23 @@ def analysis_guide(frame: Frame, map_width: int) -> Float32:
     return np.clip(guide_codes(frame, analysis_size(*frame.size, map_width)), 0, 1)
 
 
+def strip_codes(frame: Frame, rows: slice, wrap_x: bool) -> tuple[Float32, Float32]:
+    """Luma codes of some rows, as `guide_codes`, and the same softened to guide the map.
+
+    A map that follows the picture's last pixel and its grain changes wherever the picture moves by
+    part of a pixel. With `wrap_x` (panoramas) the left and right edges meet.
+    """
+    reach = len(SOFTENING) // 2
+    around = slice(max(0, rows.start - reach), min(frame.size[1], rows.stop + reach))
+    codes = guide_codes(frame, rows=around)
+    wide = np.pad(codes, ((0, 0), (reach, reach)), "wrap") if wrap_x else codes
+    soft = cv2.sepFilter2D(wide, -1, SOFTENING, SOFTENING, borderType=cv2.BORDER_REPLICATE)
+    if wrap_x:
+        soft = soft[:, reach:-reach]
+    inner = slice(rows.start - around.start, rows.stop - around.start)
+    return codes[inner], np.asarray(soft.reshape(codes.shape)[inner], np.float32)
+
+
 def grey_of(guide: Float32) -> Code:
     """8-bit grey picture of a guide, for cuts and flow."""
     return np.asarray(np.rint(guide * np.float32(255)), np.uint8)
@@ -88,7 +106,7 @@ class FullMap:
             self._small = (a[:, pad : pad + width], b[:, pad : pad + width])
 
     def rows(self, rows: slice, codes: Float32 | None) -> Float32:
-        """Rows of the map at full size, float32 in [0, 1]; `codes` are the rows' guide codes."""
+        """Rows of the map at full size, float32 in [0, 1]; `codes` are the rows' soft codes."""
         width, height = self._frame.size
         full = [
             expand_map.upsample_rows(small, rows, (height, width), self._wraps)

@@ -10,7 +10,7 @@ import numpy as np
 
 from itmo_video import colour, expand_map
 from itmo_video.bars import find_bars
-from itmo_video.guide import FullMap, NoiseGuard, analysis_guide, analysis_size, guide_codes
+from itmo_video.guide import FullMap, NoiseGuard, analysis_guide, analysis_size, strip_codes
 from itmo_video.median_cut import median_cut
 from itmo_video.model import Float32, Float64, Frame, Half
 from itmo_video.operators import (
@@ -200,6 +200,7 @@ def render(
         weights = FullMap(map_small, frame, guide, settings, edge_aware)
     guard = NoiseGuard(frame, guide) if settings.noise_guard else None
     needs_codes = guard is not None or (weights is not None and edge_aware)
+    wrap_x = settings.projection == "latlong"
     # A gain of L'max on a pixel of one pure primary may pass what a half can hold.
     limit = settings.alpha is not None or not clip or 20 * context.l_max > HALF_MAX
     alpha = _alpha(frame)
@@ -211,10 +212,10 @@ def render(
         # What the gain is found from: luminance, or the greatest channel for one that asks for it.
         drive = luminance_of(rgb) if gain_greatest is None else _greatest(rgb)
         np.clip(drive, 0, 1, out=drive)
-        codes = guide_codes(frame, rows=rows) if needs_codes else None
+        codes, soft = strip_codes(frame, rows, wrap_x) if needs_codes else (None, None)
         if guard is not None and codes is not None:
             drive = guard.smooth(drive, rows, codes)
-        weight = None if weights is None else weights.rows(rows, codes)
+        weight = None if weights is None else weights.rows(rows, soft)
         if gain_greatest is not None:
             gain = gain_greatest(drive, weight, context)
         else:

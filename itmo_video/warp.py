@@ -16,15 +16,20 @@ from itmo_video.model import Code, Float32
 
 AGREEMENT_SIGMA = 6.0  # 8-bit codes: a difference of this size counts for 1/e as much
 AGREEMENT_BLUR_PX = 9
-ZERO_FLOW_MARGIN = 0.75  # 8-bit codes: a motion must explain the picture better by this much
+FLOW_MARGIN = 0.75  # 8-bit codes: a motion must explain the picture better by this much
+CAMERA_SHARE = 0.15  # of the picture: a camera that moves explains at least this much better
+CAMERA_WORSE = 1 / 3  # of that: it explains at most this much worse
+CAMERA_STEP_PX = 12
+CAMERA_SIGMAS_PX = (16.0, 8.0, 4.0, 2.0, 1.0, 0.5, 0.5)  # by rounds; this far off counts a quarter
 _local = threading.local()
 
 
 def flow_px(here: Code, there: Code) -> Float32:
     """Dense DIS flow from `here` to `there`, (H, W, 2) float32 in pixels; 8-bit grey in.
 
-    Where standing still explains the picture as well as the flow does, the flow is zero, so that
-    noise in flat areas moves nothing. Pictures too small for DIS (under 16 px) do not move.
+    Where the camera's motion explains the picture as well as the flow does, it is taken, so that
+    noise in flat areas moves nothing and a plain sky goes with the rest of the picture. Pictures
+    too small for DIS (under 16 px) do not move.
     """
     if min(here.shape) < 16:
         return np.zeros((*here.shape, 2), np.float32)
@@ -35,17 +40,57 @@ def flow_px(here: Code, there: Code) -> Float32:
         dis = cv2.DISOpticalFlow.create(cv2.DISOPTICAL_FLOW_PRESET_FAST)
         _local.dis = (here.shape, dis)
     flow = np.asarray(dis.calc(here, there, None), np.float32)
-    return guard_still(here, there, flow)
+    return steadied(here, there, flow)
 
 
-def guard_still(here: Code, there: Code, flow: Float32) -> Float32:
-    """The flow, taken back smoothly to zero where zero explains the picture as well."""
+def steadied(here: Code, there: Code, flow: Float32) -> Float32:
+    """The flow, taken back smoothly to the camera's motion where that explains as much.
+
+    The camera stands still unless its motion explains a good part of the picture better, and far
+    less of it worse, than none: a small bright object that moves is not a camera.
+    """
+    camera = camera_motion_px(here, flow)
+    plain = local_difference(here, warp(there, camera))
     still = local_difference(here, there)
+    better = np.mean(still - plain > FLOW_MARGIN)
+    if better < CAMERA_SHARE or np.mean(plain - still > FLOW_MARGIN) > CAMERA_WORSE * better:
+        camera, plain = np.zeros_like(flow), still
     moved = local_difference(here, warp(there, flow))
-    trust = np.clip((still - moved) / ZERO_FLOW_MARGIN, 0, 1)
+    trust = np.clip((plain - moved) / np.float32(FLOW_MARGIN), 0, 1)
     trust = cv2.blur(trust, (AGREEMENT_BLUR_PX, AGREEMENT_BLUR_PX))
-    # A third of the time that NumPy's broadcasting over the pairs takes.
-    return np.asarray(cv2.multiply(flow, cv2.merge((trust, trust))), np.float32)
+    return np.asarray(cv2.blendLinear(flow, camera, trust, 1 - trust), np.float32)
+
+
+def camera_motion_px(here: Code, flow: Float32) -> Float32:
+    """The affine motion that most of a flow's textured places agree on, (H, W, 2) float32.
+
+    Least squares, reweighted by Geman and McClure's function with a falling scale, which leaves out
+    what moves by itself; places without texture have no say. Zero where nothing has texture.
+    """
+    height, width = here.shape
+    y, x = (np.arange(CAMERA_STEP_PX // 2, side, CAMERA_STEP_PX) for side in (height, width))
+    places = np.ix_(y, x)
+    slope = cv2.add(*(cv2.convertScaleAbs(s) for s in cv2.spatialGradient(here)))
+    texture = cv2.blur(slope, (CAMERA_STEP_PX, CAMERA_STEP_PX))[places].ravel().astype(np.float64)
+    if not texture.any():
+        return np.zeros_like(flow)
+    vectors = flow[places].reshape(-1, 2).astype(np.float64)
+    across, down = np.meshgrid(x / width - 0.5, y / height - 0.5)
+    terms = np.stack([np.ones(across.size), across.ravel(), down.ravel()], 1)
+    outer = (terms[:, :, None] * terms[:, None, :]).reshape(-1, 9)
+    targets = (terms[:, :, None] * vectors[:, None, :]).reshape(-1, 6)
+    weight, model = texture, np.zeros((3, 2))
+    for sigma_px in CAMERA_SIGMAS_PX:
+        # einsum, as BLAS may add up in another order on another machine of a cluster
+        normal = np.einsum("n,nk->k", weight, outer).reshape(3, 3)
+        normal[[1, 2], [1, 2]] += 1e-6 * normal[0, 0]  # texture in a single place leaves no slope
+        model = np.linalg.solve(normal, np.einsum("n,nk->k", weight, targets).reshape(3, 2))
+        off = np.square(vectors - np.einsum("ni,ij->nj", terms, model)).sum(1)
+        weight = texture / np.square(1 + off / sigma_px**2)
+    # From shares of the picture's sides to pixels.
+    model[1:] /= [[width], [height]]
+    model[0] -= (model[1] * width + model[2] * height) / 2
+    return np.asarray(cv2.transform(_grid(height, width), model[[1, 2, 0]].T), np.float32)
 
 
 def warp(image: Code | Float32, flow: Float32) -> Float32:

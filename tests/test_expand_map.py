@@ -71,10 +71,26 @@ def oracle_map(
 def oracle_soft(
     lights: Lights, shape: tuple[int, int], radius: float, min_lights: float, wrap_x: bool
 ) -> npt.NDArray[np.float64]:
-    """Each light as up to four pixels, eq. 16 at r_max = r_t, soft-edged count, smooth ramp."""
+    """Each light as up to four pixels, eq. 16 at r_max = r_t, soft-edged count, smooth ramp.
+
+    Both sums over the share of their disc that lies in the picture.
+    """
     height, width = shape
     edge = max(1.0, 0.15 * radius)
     density, count = np.zeros(shape), np.zeros(shape)
+    room_y = min(math.ceil(radius + 0.5 * edge), height - 1)
+    room_x = min(math.ceil(radius + 0.5 * edge), width // 2 if wrap_x else width - 1)
+    whole, seen = np.zeros(2), np.zeros((2, *shape))
+    for dy in range(-room_y, room_y + 1):
+        # Where a panorama's two ends are the same column, it counts once.
+        for dx in range(-room_x + (wrap_x and width % 2 == 0 and room_x == width // 2), room_x + 1):
+            distance = math.hypot(dx, dy)
+            weight = oracle_weight(distance, radius) if dx**2 + dy**2 <= radius**2 else 0.0
+            weights = np.array([weight, min(max((radius - distance) / edge + 0.5, 0.0), 1.0)])
+            whole += weights
+            for y in range(max(0, -dy), min(height, height - dy)):
+                columns = slice(None) if wrap_x else slice(max(0, -dx), min(width, width - dx))
+                seen[:, y, columns] += weights[:, None]
     for light_x, light_y, power in zip(lights.x, lights.y, lights.power, strict=True):
         left, top = math.floor(light_x), math.floor(light_y)
         for at_x in (left, left + 1):
@@ -88,10 +104,11 @@ def oracle_soft(
                             density[y, x] += share * power * oracle_weight(distance, radius)
                         inside = (radius - distance) / edge + 0.5
                         count[y, x] += share * min(max(inside, 0.0), 1.0)
-    density = np.minimum(density / oracle_white(radius), 1.0)
+    density = np.minimum(density / oracle_white(radius) * whole[0] / seen[0], 1.0)
     if min_lights <= 1:
         return density
-    start, end = max(min_lights - 2.2, 0.0), min_lights + 1.8
+    count *= whole[1] / seen[1]
+    start, end = max(min_lights - 2.1, 0.0), min_lights + 1.9
     ramp = np.clip((count - start) / (end - start), 0.0, 1.0)
     return density * (3.0 * ramp**2 - 2.0 * ramp**3)
 
@@ -276,7 +293,8 @@ def test_wrap_x_is_continuous_across_the_edge(map_of: MapOf) -> None:
     lights = median_cut(picture, 512)
     open_map = map_of(lights, picture.shape, 9.0, 3, False)[20:-20]
     wrapped = map_of(lights, picture.shape, 9.0, 3, True)[20:-20]
-    assert wrapped[:, [0, -1]].mean() > 1.3 * open_map[:, [0, -1]].mean(), "edge lost its light"
+    if map_of is density_map:  # the soft one leaves out what of the disc is not in the picture
+        assert wrapped[:, [0, -1]].mean() > 1.3 * open_map[:, [0, -1]].mean(), "edge lost its light"
     middle = slice(20, -20)
     np.testing.assert_allclose(
         wrapped[:, middle], open_map[:, middle], atol=2e-5, err_msg="wrapping reached the middle"
@@ -289,9 +307,16 @@ def test_wrap_x_is_continuous_across_the_edge(map_of: MapOf) -> None:
 @BOTH
 def test_wrap_x_counts_a_light_once_on_a_narrow_picture(map_of: MapOf) -> None:
     light = lights_at((1.0, 1.0, 1.0))
-    dense = map_of(light, (3, 4), 2.0, 1, True) * white_density(2.0)
-    opposite = oracle_weight(2.0, 2.0)
-    assert dense[1, 3] == pytest.approx(opposite, rel=1e-5), "counted from both sides"
+    dense = map_of(light, (3, 4), 2.0, 1, True)
+    expected = oracle_weight(2.0, 2.0) / oracle_weight(0.0, 2.0)
+    assert dense[1, 3] / dense[1, 1] == pytest.approx(expected, rel=1e-5), "counted from both sides"
+
+
+def test_a_white_picture_is_as_expanded_at_its_edge_as_in_its_middle() -> None:
+    lights = median_cut(np.ones((128, 192)), 1024)
+    soft = density_map_soft(lights, (128, 192), 9.0, 1)
+    assert soft[0].mean() == pytest.approx(soft[64].mean(), abs=0.05), "a dark rim"
+    assert soft[0, 0] == pytest.approx(soft[64, 96], abs=0.15), "a dark corner"
 
 
 @BOTH

@@ -21,6 +21,7 @@ from itmo_video import colour, make_settings
 from itmo_video.cli import main
 from itmo_video.conversion import RunOptions, convert
 from itmo_video.delivery import hdr, metadata, sdr
+from itmo_video.delivery.encode import HIGH_CRF
 from itmo_video.delivery.in_order import Closed, InOrder, run_in_order
 from itmo_video.delivery.preview import PreviewOptions, PreviewSummary, preview
 from itmo_video.errors import UsageError
@@ -85,8 +86,7 @@ def test_film_is_tagged_measured_and_shows_the_exrs_nits(
     clip: Path, exrs: Path, tmp_path: Path, view: str, codec: str, suffix: str
 ) -> None:
     film = tmp_path / f"film{suffix}"
-    crf = None if codec == "prores" else {"av1": 2.0, "hevc": 1.0}[codec]
-    options = PreviewOptions(view=view, codec=codec, crf=crf)  # type: ignore[arg-type]
+    options = PreviewOptions(view=view, codec=codec, crf=HIGH_CRF.get(codec))  # type: ignore[arg-type]
     summary = preview(clip, film, make_settings(peak_nits=PEAK), options=options)
     truth = nits_of(exrs)
     largest = [frame.max(axis=0) for frame in truth]
@@ -286,6 +286,17 @@ def test_tone_maps_rise_and_stay_in_sdr(name: str) -> None:
 def test_wrong_use_is_told(clip: Path, tmp_path: Path, output: str, options: list[str]) -> None:
     assert main(["preview", str(clip), str(tmp_path / output), *options]) == UsageError.exit_code
     assert not list(tmp_path.iterdir()), "something was left behind"
+
+
+def test_high_quality_is_asked_for_by_a_word(clip: Path, tmp_path: Path) -> None:
+    made = []
+    for quality in ("high", "1"):
+        film = tmp_path / f"{quality}.mp4"
+        flags = ["--quality", quality, "--frames", "1-2", "--quiet"]
+        assert main(["preview", str(clip), str(film), *flags]) == 0
+        made.append(film.stat().st_size)
+    assert made[0] == made[1], "high is CRF 1"
+    assert main(["preview", str(clip), str(tmp_path / "no.mp4"), "--quality", "best"]) == 2
 
 
 def test_a_failing_picture_ends_the_preview(clip: Path, tmp_path: Path) -> None:

@@ -13,6 +13,7 @@ EXAMPLES = """\
 examples:
   itmo-video preview clip.mp4 film.mp4
   itmo-video preview out/ film.mov --codec prores --source clip.mp4
+  itmo-video preview clip.mp4 master.mp4 --quality high
   itmo-video preview clip.mp4 frame.avif --frame 100
   itmo-video preview clip.mp4 both.mp4 --as compare --layout wipe
 """
@@ -69,7 +70,8 @@ def add_preview(
     )
     coding.add_argument(
         "--crf", "--quality", type=_crf, metavar="Q",
-        help="0 best to 63 (av1: 25, hevc: 18 of 51, AVIF: 12)",
+        help="0 best to 63 (av1: 25, hevc: 18 of 51, AVIF: 12), or `high`: pixels are the EXRs' "
+        "nits within 2 %% in the median",
     )  # fmt: skip
     coding.add_argument(
         "--speed",
@@ -94,6 +96,7 @@ def add_preview(
 
 
 def _run(args: argparse.Namespace, settings: Settings) -> int:
+    from itmo_video.delivery.encode import HIGH_CRF
     from itmo_video.delivery.preview import PreviewOptions, preview
     from itmo_video.plan import RunOptions
     from itmo_video.progress import Progress
@@ -104,7 +107,8 @@ def _run(args: argparse.Namespace, settings: Settings) -> int:
         view=args.view or ("sdr" if is_jpeg else "hdr10"),
         codec=args.codec or "av1",
         chroma=args.chroma,
-        crf=args.crf,
+        # ProRes is of high quality without being asked.
+        crf=HIGH_CRF.get(args.codec or "av1") if args.crf == "high" else args.crf,
         speed=args.speed,
         tone_map=args.tone_map,
         layout=args.layout,
@@ -131,8 +135,8 @@ def _part(text: str) -> float:
     return _between(text, 0, 1)
 
 
-def _crf(text: str) -> float:
-    return _between(text, 0, 63)
+def _crf(text: str) -> float | str:
+    return text if text == "high" else _between(text, 0, 63)
 
 
 def _between(text: str, low: float, high: float) -> float:

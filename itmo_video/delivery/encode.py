@@ -36,6 +36,7 @@ _CODE_POINTS: dict[str, tuple[int, int, int]] = {
     "sdr": (1, 1, 1),
 }
 DEFAULT_CRF: dict[str, int] = {"av1": 25, "hevc": 18}
+HIGH_CRF: dict[str, float] = {"av1": 1, "hevc": 1}  # nits within 2 % in the median, dark ones too
 DEFAULT_SPEED: dict[str, str] = {"av1": "6", "hevc": "fast"}
 
 
