@@ -5,12 +5,16 @@ from __future__ import annotations
 import math
 from fractions import Fraction
 from importlib import metadata
+from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
+from clips import moving_scene, write_ffv1
 
-from itmo_video.errors import UsageError
+from itmo_video import RunOptions, convert
+from itmo_video.errors import OutputError, UsageError
 from itmo_video.model import Encoding, Frame
 from itmo_video.operators import (
     OPERATORS,
@@ -26,6 +30,7 @@ from itmo_video.operators import (
     gain_of,
     masia2017,
     resolve_params,
+    version_of,
     ward1994,
 )
 from itmo_video.operators.bilateral_grid import cross_bilateral
@@ -201,8 +206,9 @@ def test_cross_bilateral_keeps_an_edge_and_smooths_noise() -> None:
 class _Point:
     name, value = "doubled", "somewhere:operator"
 
-    def __init__(self, thing: object) -> None:
+    def __init__(self, thing: object, version: str | None = None) -> None:
         self.thing = thing
+        self.dist = None if version is None else SimpleNamespace(name="mine", version=version)
 
     def load(self) -> object:
         if isinstance(self.thing, Exception):
@@ -210,8 +216,8 @@ class _Point:
         return self.thing
 
 
-def _install(monkeypatch: pytest.MonkeyPatch, thing: object) -> None:
-    points = [_Point(thing)]
+def _install(monkeypatch: pytest.MonkeyPatch, thing: object, version: str | None = None) -> None:
+    points = [_Point(thing, version)]
     monkeypatch.setattr(
         metadata,
         "entry_points",
@@ -225,6 +231,24 @@ def test_users_operators_are_found_by_entry_point(monkeypatch: pytest.MonkeyPatc
     assert find_operator(Settings(operator="doubled")) is mine
     assert set(all_operators()) == set(OPERATORS) | {"doubled"}
     assert (mine.gain(np.ones((2, 2), np.float32), Context(5, 5)) == 2).all()
+
+
+def test_a_users_operators_version_is_part_of_the_fingerprint(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    clip, out = tmp_path / "clip.mkv", tmp_path / "out"
+    write_ffv1(clip, moving_scene(2))
+    mine = Operator("doubled", "twice", "mine", gain_of(lambda y, _: 2 * y))
+    _install(monkeypatch, mine, "1.0")
+    settings = make_settings("default", operator="doubled")
+    assert convert(clip, out, settings).written == 2
+    assert convert(clip, out, settings).present == 2, "the same version is not found again"
+    _install(monkeypatch, mine, "1.1")
+    with pytest.raises(OutputError, match="other settings"):
+        convert(clip, out, settings)
+    assert convert(clip, out, settings, RunOptions(update=True)).written == 2
+    assert version_of("doubled") == "mine 1.1"
+    assert version_of("linear") == "", "a built-in operator's fingerprint would move"
 
 
 @pytest.mark.parametrize("thing", [ImportError("no such module"), "not an operator"])
