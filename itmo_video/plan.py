@@ -80,7 +80,7 @@ class Plan:
         return self.shots[at].look if at >= 0 and index <= self.shots[at].last else self.look
 
     def fingerprint(self, number: int) -> str:
-        """What a frame's pixels depend on: settings, source content, index, version of algorithm."""
+        """What a frame's pixels depend on: settings, source content, index, algorithm."""
         index = self.numbers[number]
         return hashlib.blake2b(
             f"{self._settings_texts[id(self.look_at(index))]}{index}".encode(), digest_size=16

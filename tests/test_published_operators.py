@@ -192,6 +192,64 @@ def test_enhancement_stops_at_edges(name: str) -> None:
     assert key_map[50, 140] < 1e-3
 
 
+def rgb_frame(red: Any, green: Any, blue: Any) -> Frame:
+    encoding = Encoding("rgb", 8, "bt709", "full", "srgb", "rec709")
+    return Frame(0, Fraction(0), (red, green, blue), encoding)
+
+
+def test_maps_of_channels_of_a_grey_picture_are_the_map_of_its_luminance() -> None:
+    codes = np.random.default_rng(3).integers(20, 90, (54, 96)).astype(np.uint8)
+    codes[20:30, 40:52] = 255
+    frame = rgb_frame(codes, codes, codes)
+    one = make_look(make_settings("default", operator="banterle2007", l_max=8.0))
+    three = make_look(make_settings("default", operator="banterle2007_channels", l_max=8.0))
+    key_map, key_maps = make_key_map(frame, one), make_key_map(frame, three)
+    assert key_maps.shape == (54, 96, 3)
+    for i in range(3):  # each channel's linear light is the luminance but for rounding
+        np.testing.assert_allclose(key_maps[..., i], key_map, atol=0.02)
+    expected = render(frame, key_map, one).rgb
+    for got, same in zip(render(frame, np.dstack([key_map] * 3), three).rgb, expected, strict=True):
+        assert (got == same).all(), "three equal maps do not weigh as one"
+
+
+def test_a_red_lamp_is_expanded_in_red() -> None:
+    """The map of red is high where a red lamp is; green and blue have their own lamp elsewhere."""
+    red = np.full((96, 160), 40, np.uint8)
+    other = red.copy()
+    red[20:40, 20:40] = 255
+    other[60:80, 110:130] = 255
+    frame = rgb_frame(red, other, other)
+    settings = make_settings(
+        "default", operator="banterle2007_channels", l_max=8.0, noise_guard=False,
+        layers=("expand_map", "gain"),
+    )  # fmt: skip
+    look = make_look(settings)
+    key_maps = make_key_map(frame, look)
+    assert key_maps[30, 30, 0] > 0.8
+    assert key_maps[30, 30, 1:].max() < 0.1, "green is expanded in a lamp that has none"
+    rendered = render(frame, key_maps, look)
+    gain = [float(plane[30, 30]) for plane in rendered.rgb]
+    dark = ((40 / 255 + 0.055) / 1.055) ** 2.4
+    luminance = 0.213 + (0.715 + 0.072) * dark
+    curve = OPERATORS["banterle2007_channels"].curve
+    assert curve is not None
+    full = curve(np.array([luminance]), Context(8.0, 8.0))[0] / luminance
+    weight = float(key_maps[30, 30, 0])
+    assert gain[0] == pytest.approx(1 + weight * (full - 1), rel=0.05)
+    assert gain[1] == pytest.approx(dark, rel=0.25), "green rises with red"
+    seen = float(rendered.layers["expand_map.Y"][30, 30])
+    assert seen == pytest.approx(key_maps[30, 30] @ [0.213, 0.715, 0.072], abs=0.03)
+
+
+def test_maps_of_channels_are_tracked_and_do_not_depend_on_the_range(tmp_path: Path) -> None:
+    clip = write_ffv1(tmp_path / "clip.mkv", moving_scene(7))
+    settings = make_settings("default", operator="banterle2007_channels", key_interval=3)
+    convert(clip, tmp_path / "all", settings, RunOptions(jobs=2))
+    convert(clip, tmp_path / "one", settings, RunOptions(frames="5", jobs=1))
+    name = "clip.0005.exr"
+    assert (tmp_path / "all" / name).read_bytes() == (tmp_path / "one" / name).read_bytes()
+
+
 def test_cross_bilateral_keeps_an_edge_and_smooths_noise() -> None:
     rng = np.random.default_rng(1)
     guide = np.zeros((40, 60), np.float32)
