@@ -1,6 +1,9 @@
 """Banterle et al. 2007: the 2006 operator with an Expand Map that follows the picture's edges.
 
 The map is of luminance, or one of each colour channel: median cut and density of R, G and B apart.
+
+From memory of the publication; the HDR Toolbox of Banterle et al. makes maps of channels in the
+same way.
 """
 
 from __future__ import annotations
