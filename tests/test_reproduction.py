@@ -45,6 +45,16 @@ def test_an_exposure_factor_is_found(data: Path) -> None:
     assert table1.averages(4 * world, 0.0) == (pytest.approx(1), pytest.approx(1))
 
 
+def test_the_tone_mapped_column_by_hand(data: Path) -> None:
+    """An even grey lies at alpha whatever it is: 0.5 / 1.5."""
+    table1 = import_module("table1")
+    world = np.full((4, 4), 7.0, np.float32)
+    np.testing.assert_allclose(table1.tone_mapped(world), 1 / 3, rtol=1e-5)
+    two = np.repeat([1.0, 16.0], 100)  # the mean is 4: half-way, so that the estimate is 0.18
+    scaled = 0.18 / 4 * two
+    np.testing.assert_allclose(table1.tone_mapped(two, None), scaled / (1 + scaled), rtol=1e-5)
+
+
 def test_figures_are_made(data: Path, capsys: pytest.CaptureFixture[str]) -> None:
     import_module("figures").main()
     assert sorted(p.name for p in (data / "images").iterdir()) == [
