@@ -229,7 +229,7 @@ def smooth_map(keys: Sequence[Key], at: int, reach: int) -> Float32:
             link = behind.to_previous if step < 0 else behind.to_next
             assert link is not None
             flow = link if flow is None else warp.compose(flow, link)
-            agreement = warp.agreement(centre.grey, keys[i].grey, flow)
+            agreement = warp.spread(warp.agreement(centre.grey, keys[i].grey, flow), total)
             total += agreement * warp.warp(keys[i].raw_map, flow)
             weight += agreement
     return total / weight

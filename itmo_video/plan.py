@@ -18,6 +18,7 @@ from itmo_video.errors import UsageError
 from itmo_video.folder import Manifest
 from itmo_video.frame_ranges import format_ranges, parse_ranges
 from itmo_video.model import ClipInfo
+from itmo_video.operators import version_of
 from itmo_video.reader import Clip
 from itmo_video.render import Look, make_look
 from itmo_video.settings import Settings
@@ -79,7 +80,7 @@ class Plan:
         return self.shots[at].look if at >= 0 and index <= self.shots[at].last else self.look
 
     def fingerprint(self, number: int) -> str:
-        """What a frame's pixels depend on: its settings, source content, index, algorithm."""
+        """What a frame's pixels depend on: settings, source content, index, algorithm."""
         index = self.numbers[number]
         return hashlib.blake2b(
             f"{self._settings_texts[id(self.look_at(index))]}{index}".encode(), digest_size=16
@@ -114,7 +115,9 @@ class Plan:
         common = {"source": self.clip.digest, "algorithm": ALGORITHM}
         looks = [self.look, *(shot.look for shot in self.shots)]
         return {
-            id(look): json.dumps({**look.settings.as_dict(), **common}, sort_keys=True)
+            id(look): json.dumps(
+                {**look.settings.as_dict(), **common, **_operator_version(look)}, sort_keys=True
+            )
             for look in looks
         }
 
@@ -215,6 +218,12 @@ def keys_on_grid(plan: Plan) -> Sequence[int]:
     """Indices of the keyframes on the absolute grid that the planned frames stand behind."""
     interval = plan.settings.key_reach
     return sorted({i - i % interval for i in plan.numbers.values()})
+
+
+def _operator_version(look: Look) -> dict[str, str]:
+    """What tells versions of a user's operator apart; ALGORITHM does for ours."""
+    version = version_of(look.settings.operator)
+    return {"operator_version": version} if version else {}
 
 
 def _changed(base: Settings, effective: Settings) -> dict[str, Any]:

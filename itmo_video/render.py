@@ -85,36 +85,47 @@ def frame_luminance(frame: Frame) -> Float32:
 
 
 def make_key_map(frame: Frame, look: Look) -> Float32:
-    """A frame's own map at analysis size, (H, W) in [0, 1].
+    """A frame's own map at analysis size, (H, W) in [0, 1], or (H, W, 3) of an operator of RGB.
 
     The Expand Map of sections 2.2 and 2.3, or the operator's own.
     """
-    settings = look.settings
+    settings, make_map = look.settings, look.operator.make_map
     width, height = analysis_size(*frame.size, settings.map_width)
     if look.operator.make_map_rgb is not None:
         return _rgb_map(frame, (width, height), look)
     luminance = frame_luminance(frame)
-    make_map = look.operator.make_map
     context = None if make_map is None else _context(luminance, look)
-    if luminance.shape != (height, width):
-        luminance = cv2.resize(luminance, (width, height), interpolation=cv2.INTER_AREA)
-        luminance = np.clip(luminance, 0, 1).reshape(height, width)
+    luminance = _at_size(luminance, width, height)
+    row_weight, inner = None, (slice(0, height), slice(0, width))
     if settings.projection == "latlong":
         row_weight = np.cos(((np.arange(height) + 0.5) / height - 0.5) * np.pi)
-        if make_map is not None and context is not None:
-            return make_map(
-                luminance, replace(context, density=lambda y: _density(y, row_weight, settings))
-            )
-        return _density(luminance, row_weight, settings)
-    edge = find_bars(luminance)
-    inner = (slice(edge.top, height - edge.bottom), slice(edge.left, width - edge.right))
-    key_map = np.zeros((height, width), np.float32)
-    if make_map is not None and context is not None:
-        context = replace(context, density=lambda y: _density(y, None, settings))
-        key_map[inner] = make_map(np.ascontiguousarray(luminance[inner]), context)
     else:
-        key_map[inner] = _density(luminance[inner], None, settings)
-    return key_map
+        edge = find_bars(luminance)
+        inner = (slice(edge.top, height - edge.bottom), slice(edge.left, width - edge.right))
+
+    def density(picture: Float32) -> Float32:
+        return _density(picture, row_weight, settings)
+
+    def map_of(picture: Float32) -> Float32:
+        key_map = np.zeros((height, width), np.float32)
+        if make_map is not None and context is not None:
+            own = replace(context, density=density)
+            key_map[inner] = make_map(np.ascontiguousarray(picture[inner]), own)
+        else:
+            key_map[inner] = density(picture[inner])
+        return key_map
+
+    if not look.operator.channel_maps:
+        return map_of(luminance)
+    planes = colour.to_rgb_linear(frame, clip=True)
+    return np.dstack([map_of(_at_size(plane, width, height)) for plane in planes])
+
+
+def _at_size(plane: Float32, width: int, height: int) -> Float32:
+    if plane.shape == (height, width):
+        return plane
+    small = cv2.resize(plane, (width, height), interpolation=cv2.INTER_AREA)
+    return np.asarray(np.clip(small, 0, 1).reshape(height, width), np.float32)
 
 
 def _rgb_map(frame: Frame, size: tuple[int, int], look: Look) -> Float32:
@@ -177,6 +188,7 @@ def render(
 ) -> Rendered:
     """Expand one frame; `map_small` is its map at analysis size, None for a map of 1 everywhere.
 
+    A map (H, W, 3) weighs each channel by its own; layers then hold eq. 1's mean of the three.
     `guide` is its `guide.analysis_guide`, where that is at hand.
 
     The result is LDR + map * (expanded - LDR), written as a gain on linear RGB so that the hue is
@@ -193,13 +205,14 @@ def render(
         matrix = colour.rgb_to_rgb_matrix(frame.encoding.primaries, settings.primaries)
     if guide is None:
         guide = analysis_guide(frame, settings.map_width)
-    weights = None
     gain_greatest = look.operator.gain_greatest
     edge_aware = settings.edge_aware and gain_greatest is None
+    weights: list[FullMap] = []
     if map_small is not None and look.needs_map:
-        weights = FullMap(map_small, frame, guide, settings, edge_aware)
+        planes = [map_small] if map_small.ndim == 2 else cv2.split(map_small)
+        weights = [FullMap(plane, frame, guide, settings, edge_aware) for plane in planes]
     guard = NoiseGuard(frame, guide) if settings.noise_guard else None
-    needs_codes = guard is not None or (weights is not None and edge_aware)
+    needs_codes = guard is not None or (bool(weights) and edge_aware)
     wrap_x = settings.projection == "latlong"
     # A gain of L'max on a pixel of one pure primary may pass what a half can hold.
     limit = settings.alpha is not None or not clip or 20 * context.l_max > HALF_MAX
@@ -215,21 +228,18 @@ def render(
         codes, soft = strip_codes(frame, rows, wrap_x) if needs_codes else (None, None)
         if guard is not None and codes is not None:
             drive = guard.smooth(drive, rows, codes)
-        weight = None if weights is None else weights.rows(rows, soft)
+        maps = [weight.rows(rows, soft) for weight in weights]
         if gain_greatest is not None:
-            gain = gain_greatest(drive, weight, context)
+            gains = [gain_greatest(drive, maps[0] if maps else None, context)]
         else:
-            gain = look.operator.gain(drive, context)
-            if weight is not None:
-                gain -= base
-                gain *= weight
-                gain += base
+            gains = _weighed(look.operator.gain(drive, context), maps, base)
         if settings.strength != 1:
-            gain = (gain - np.float32(1)) * np.float32(settings.strength) + np.float32(1)
-        _fill_layers(layers, rows, rgb, gain, weight)
+            share = np.float32(settings.strength)
+            gains = [(part - np.float32(1)) * share + np.float32(1) for part in gains]
+        _fill_layers(layers, rows, rgb, gains, maps)
         if alpha is not None:
-            gain = gain * alpha[rows]
-        _write_strip(rgb, gain, matrix, limit, [plane[rows] for plane in out])
+            gains = [part * alpha[rows] for part in gains]
+        _write_strip(rgb, gains, matrix, limit, [plane[rows] for plane in out])
     half_alpha = None if alpha is None else alpha.astype(np.float16)
     return Rendered((out[0], out[1], out[2]), half_alpha, layers)
 
@@ -239,17 +249,35 @@ def _buffers(rows: slice, width: int) -> tuple[Float32, Float32, Float32]:
     return np.empty(shape, np.float32), np.empty(shape, np.float32), np.empty(shape, np.float32)
 
 
+def _weighed(gain: Float32, maps: Sequence[Float32], base: np.float32) -> list[Float32]:
+    """For each map base + map * (gain - base), or the gain as it is; `gain` is overwritten."""
+    if not maps:
+        return [gain]
+    gain -= base
+    weighed = [gain * part for part in maps[1:]]
+    gain *= maps[0]
+    weighed.insert(0, gain)
+    for part in weighed:
+        part += base
+    return weighed
+
+
+def _mean_of(parts: Sequence[Float32]) -> Float32:
+    """One plane as it is; of three, those of R, G and B, the mean by eq. 1."""
+    return parts[0] if len(parts) == 1 else luminance_of(parts)
+
+
 def _fill_layers(
     layers: Mapping[str, Half],
     rows: slice,
     rgb: Sequence[Float32],
-    gain: Float32,
-    weight: Float32 | None,
+    gains: Sequence[Float32],
+    maps: Sequence[Float32],
 ) -> None:
     if "expand_map.Y" in layers:
-        layers["expand_map.Y"][rows] = 1 if weight is None else weight
+        layers["expand_map.Y"][rows] = _mean_of(maps) if maps else 1
     if "gain.Y" in layers:
-        layers["gain.Y"][rows] = gain
+        layers["gain.Y"][rows] = _mean_of(gains)
     if "clip_mask.Y" in layers:
         layers["clip_mask.Y"][rows] = _greatest(rgb) >= np.float32(1 - 1e-6)
 
@@ -260,16 +288,17 @@ def _greatest(rgb: Sequence[Float32]) -> Float32:
 
 def _write_strip(
     rgb: Sequence[Float32],
-    gain: Float32,
+    gains: Sequence[Float32],
     matrix: Float64 | None,
     limit: bool,
     out: Sequence[Half],
 ) -> None:
-    if matrix is None and not limit and gain.size >= _LEAST_FOR_CV2:
-        for plane, target in zip(rgb, out, strict=True):
+    each = gains if len(gains) == len(rgb) else [gains[0]] * len(rgb)
+    if matrix is None and not limit and gains[0].size >= _LEAST_FOR_CV2:
+        for plane, gain, target in zip(rgb, each, out, strict=True):
             cv2.multiply(plane, gain, dst=target, dtype=cv2.CV_16F)
         return
-    expanded = [plane * gain for plane in rgb]
+    expanded = [plane * gain for plane, gain in zip(rgb, each, strict=True)]
     if matrix is not None:
         rows = matrix.astype(np.float32)
         expanded = [

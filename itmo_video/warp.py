@@ -94,7 +94,7 @@ def camera_motion_px(here: Code, flow: Float32) -> Float32:
 
 
 def warp(image: Code | Float32, flow: Float32) -> Float32:
-    """`image` (there) fetched along `flow` (from here): (H, W), bilinear, edges repeated."""
+    """`image` (there) fetched along `flow` (from here): its shape, bilinear, edges repeated."""
     grid = _grid(flow.shape[0], flow.shape[1])
     return np.asarray(
         cv2.remap(image, grid + flow, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
@@ -127,9 +127,15 @@ def blend_maps(
     left: Float32, right: Float32, t: float, w_left: Float32 | float, w_right: Float32 | float
 ) -> Float32:
     """Two maps seen from one frame, by time (t from 0 at left to 1 at right) and agreement."""
-    a = np.float32(1 - t) * w_left
-    b = np.float32(t) * w_right
+    a = np.float32(1 - t) * spread(w_left, left)
+    b = np.float32(t) * spread(w_right, right)
     return np.asarray((left * a + right * b) / (a + b), np.float32)
+
+
+def spread(weight: Float32 | float, values: Float32) -> Float32 | float:
+    """A weight (H, W) as it multiplies maps of several channels, (H, W, C)."""
+    several = isinstance(weight, np.ndarray) and values.ndim > weight.ndim
+    return weight[..., np.newaxis] if several and isinstance(weight, np.ndarray) else weight
 
 
 def track_map(

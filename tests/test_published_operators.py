@@ -5,12 +5,16 @@ from __future__ import annotations
 import math
 from fractions import Fraction
 from importlib import metadata
+from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
+from clips import moving_scene, write_ffv1
 
-from itmo_video.errors import UsageError
+from itmo_video import RunOptions, convert
+from itmo_video.errors import OutputError, UsageError
 from itmo_video.model import Encoding, Frame
 from itmo_video.operators import (
     OPERATORS,
@@ -26,6 +30,7 @@ from itmo_video.operators import (
     gain_of,
     masia2017,
     resolve_params,
+    version_of,
     ward1994,
 )
 from itmo_video.operators.bilateral_grid import cross_bilateral
@@ -187,6 +192,64 @@ def test_enhancement_stops_at_edges(name: str) -> None:
     assert key_map[50, 140] < 1e-3
 
 
+def rgb_frame(red: Any, green: Any, blue: Any) -> Frame:
+    encoding = Encoding("rgb", 8, "bt709", "full", "srgb", "rec709")
+    return Frame(0, Fraction(0), (red, green, blue), encoding)
+
+
+def test_maps_of_channels_of_a_grey_picture_are_the_map_of_its_luminance() -> None:
+    codes = np.random.default_rng(3).integers(20, 90, (54, 96)).astype(np.uint8)
+    codes[20:30, 40:52] = 255
+    frame = rgb_frame(codes, codes, codes)
+    one = make_look(make_settings("default", operator="banterle2007", l_max=8.0))
+    three = make_look(make_settings("default", operator="banterle2007_channels", l_max=8.0))
+    key_map, key_maps = make_key_map(frame, one), make_key_map(frame, three)
+    assert key_maps.shape == (54, 96, 3)
+    for i in range(3):  # each channel's linear light is the luminance but for rounding
+        np.testing.assert_allclose(key_maps[..., i], key_map, atol=0.02)
+    expected = render(frame, key_map, one).rgb
+    for got, same in zip(render(frame, np.dstack([key_map] * 3), three).rgb, expected, strict=True):
+        assert (got == same).all(), "three equal maps do not weigh as one"
+
+
+def test_a_red_lamp_is_expanded_in_red() -> None:
+    """The map of red is high where a red lamp is; green and blue have their own lamp elsewhere."""
+    red = np.full((96, 160), 40, np.uint8)
+    other = red.copy()
+    red[20:40, 20:40] = 255
+    other[60:80, 110:130] = 255
+    frame = rgb_frame(red, other, other)
+    settings = make_settings(
+        "default", operator="banterle2007_channels", l_max=8.0, noise_guard=False,
+        layers=("expand_map", "gain"),
+    )  # fmt: skip
+    look = make_look(settings)
+    key_maps = make_key_map(frame, look)
+    assert key_maps[30, 30, 0] > 0.8
+    assert key_maps[30, 30, 1:].max() < 0.1, "green is expanded in a lamp that has none"
+    rendered = render(frame, key_maps, look)
+    gain = [float(plane[30, 30]) for plane in rendered.rgb]
+    dark = ((40 / 255 + 0.055) / 1.055) ** 2.4
+    luminance = 0.213 + (0.715 + 0.072) * dark
+    curve = OPERATORS["banterle2007_channels"].curve
+    assert curve is not None
+    full = curve(np.array([luminance]), Context(8.0, 8.0))[0] / luminance
+    weight = float(key_maps[30, 30, 0])
+    assert gain[0] == pytest.approx(1 + weight * (full - 1), rel=0.05)
+    assert gain[1] == pytest.approx(dark, rel=0.25), "green rises with red"
+    seen = float(rendered.layers["expand_map.Y"][30, 30])
+    assert seen == pytest.approx(key_maps[30, 30] @ [0.213, 0.715, 0.072], abs=0.03)
+
+
+def test_maps_of_channels_are_tracked_and_do_not_depend_on_the_range(tmp_path: Path) -> None:
+    clip = write_ffv1(tmp_path / "clip.mkv", moving_scene(7))
+    settings = make_settings("default", operator="banterle2007_channels", key_interval=3)
+    convert(clip, tmp_path / "all", settings, RunOptions(jobs=2))
+    convert(clip, tmp_path / "one", settings, RunOptions(frames="5", jobs=1))
+    name = "clip.0005.exr"
+    assert (tmp_path / "all" / name).read_bytes() == (tmp_path / "one" / name).read_bytes()
+
+
 def test_cross_bilateral_keeps_an_edge_and_smooths_noise() -> None:
     rng = np.random.default_rng(1)
     guide = np.zeros((40, 60), np.float32)
@@ -201,8 +264,9 @@ def test_cross_bilateral_keeps_an_edge_and_smooths_noise() -> None:
 class _Point:
     name, value = "doubled", "somewhere:operator"
 
-    def __init__(self, thing: object) -> None:
+    def __init__(self, thing: object, version: str | None = None) -> None:
         self.thing = thing
+        self.dist = None if version is None else SimpleNamespace(name="mine", version=version)
 
     def load(self) -> object:
         if isinstance(self.thing, Exception):
@@ -210,8 +274,8 @@ class _Point:
         return self.thing
 
 
-def _install(monkeypatch: pytest.MonkeyPatch, thing: object) -> None:
-    points = [_Point(thing)]
+def _install(monkeypatch: pytest.MonkeyPatch, thing: object, version: str | None = None) -> None:
+    points = [_Point(thing, version)]
     monkeypatch.setattr(
         metadata,
         "entry_points",
@@ -225,6 +289,24 @@ def test_users_operators_are_found_by_entry_point(monkeypatch: pytest.MonkeyPatc
     assert find_operator(Settings(operator="doubled")) is mine
     assert set(all_operators()) == set(OPERATORS) | {"doubled"}
     assert (mine.gain(np.ones((2, 2), np.float32), Context(5, 5)) == 2).all()
+
+
+def test_a_users_operators_version_is_part_of_the_fingerprint(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    clip, out = tmp_path / "clip.mkv", tmp_path / "out"
+    write_ffv1(clip, moving_scene(2))
+    mine = Operator("doubled", "twice", "mine", gain_of(lambda y, _: 2 * y))
+    _install(monkeypatch, mine, "1.0")
+    settings = make_settings("default", operator="doubled")
+    assert convert(clip, out, settings).written == 2
+    assert convert(clip, out, settings).present == 2, "the same version is not found again"
+    _install(monkeypatch, mine, "1.1")
+    with pytest.raises(OutputError, match="other settings"):
+        convert(clip, out, settings)
+    assert convert(clip, out, settings, RunOptions(update=True)).written == 2
+    assert version_of("doubled") == "mine 1.1"
+    assert version_of("linear") == "", "a built-in operator's fingerprint would move"
 
 
 @pytest.mark.parametrize("thing", [ImportError("no such module"), "not an operator"])

@@ -22,6 +22,7 @@ examples:
   itmo-video evaluate out/ --reference truth/ --source sdr.mkv --json
   itmo-video evaluate out/ --reference truth/ --vdp --heat-map differences.mp4
   itmo-video evaluate out/ --reference truth/ --fail-below pq_psnr_db=34
+  itmo-video evaluate out/ --reference true_panorama.hdr --source panorama.png --ibl
 """
 
 
@@ -60,6 +61,11 @@ def add_evaluate(commands: Any) -> None:
         "--pixels-per-degree", type=_positive, default=45.0, metavar="N",
         help="of the visual field, for ColorVideoVDP (45)",
     )  # fmt: skip
+    parser.add_argument(
+        "--ibl", action="store_true",
+        help="of latitude-longitude panoramas: compare renders of a scene that they light (extra "
+        "`ibl`: Mitsuba); TEST and TRUTH may be one .exr or .hdr file, 1.0 being SDR white",
+    )  # fmt: skip
     parser.add_argument("--json", action="store_true", help="as JSON")
     parser.add_argument(
         "--fail-above", action="append", default=[], metavar="METRIC=VALUE",
@@ -92,12 +98,24 @@ def _evaluate(args: argparse.Namespace) -> int:
         heat_film.check_film(Path(args.heat_map))
     if args.key_interval is not None and args.key_interval < 1:
         raise UsageError(f"key-interval must be 1 or more, not {args.key_interval}")
+    if args.ibl and (args.vdp or args.heat_map or args.motion or not args.reference):
+        raise UsageError(
+            "--ibl compares renders, and only those",
+            remedy="Give it --reference TRUTH, --source CLIP, and none of the others.",
+        )
     test = Path(args.test)
     source = Path(args.source) if args.source else None
     told: dict[str, Any] = {}
     text: list[str] = []
     figures: dict[str, float] = {}
-    if args.reference:
+    if args.ibl:
+        from itmo_video.evaluation import probes
+
+        lit = probes.compare_lights(test, Path(args.reference), source)
+        told["ibl"] = {name: table.lighting_facts(row) for name, row in lit.items()}
+        text.append(table.lighting_table(lit))
+        figures |= told["ibl"][probes.TEST]
+    elif args.reference:
         white = args.white_nits or folders.open_sequence(test).settings_or_default.white_nits
         display = agreement.Display(args.display_peak, white, args.pixels_per_degree)
         if args.vdp or args.heat_map:
@@ -111,7 +129,7 @@ def _evaluate(args: argparse.Namespace) -> int:
         told["fidelity"] = {name: table.agreement_facts(row) for name, row in rows.items()}
         text.append(table.agreement_table(rows))
         figures |= rows[agreement.TEST].figures
-    if source is not None:
+    if source is not None and not args.ibl:
         origins = sequence.read_origins(Path(args.motion)) if args.motion else None
         shots = sequence.flicker_by_shot(test, source, origins, args.key_interval)
         clip = sequence.over_shots(shots)

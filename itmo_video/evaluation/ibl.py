@@ -50,16 +50,23 @@ def render_lit(panorama: Floats) -> Float32:
     `panorama` is linear RGB (H, W, 3), latitude-longitude, up at the top. Raises UsageError where
     Mitsuba is not installed.
     """
-    try:
-        import mitsuba as mi
-    except ImportError as error:
-        raise UsageError(
-            "image-based lighting needs Mitsuba", remedy='Install it: pip install "itmo_video[ibl]"'
-        ) from error
+    mi = require_mitsuba()
     mi.set_variant("scalar_rgb")
     light = np.ascontiguousarray(panorama, np.float32)
     scene = mi.load_dict(_scene(mi, mi.Bitmap(light)))
     return np.asarray(np.array(mi.render(scene, seed=SEED))[..., :3], np.float32)
+
+
+def require_mitsuba() -> Any:
+    """The module of Mitsuba 3; raises UsageError where it is not installed."""
+    try:
+        import mitsuba
+    except ImportError as error:
+        raise UsageError(
+            f"image-based lighting needs Mitsuba, which cannot be imported ({error})",
+            remedy='Install it: pip install "itmo_video[ibl]"',
+        ) from error
+    return mitsuba
 
 
 def _scene(mi: Any, bitmap: Any) -> dict[str, Any]:

@@ -9,6 +9,7 @@ from typing import Any
 
 from itmo_video.evaluation.agreement import FIGURES, Agreement
 from itmo_video.evaluation.fidelity import Zone
+from itmo_video.evaluation.ibl import Lighting
 from itmo_video.evaluation.sequence import Shot
 
 HEADINGS = {
@@ -68,6 +69,32 @@ def flicker_table(shots: Sequence[Shot], clip: Mapping[str, float]) -> str:
     """A line a shot, numbered by source frames from 0, and one for the clip."""
     rows = [[f"shot {s.first}-{s.last}", *(_cell(v, 5) for v in s.figures.values())] for s in shots]
     return _table(["", *clip], [*rows, ["clip", *(_cell(value, 5) for value in clip.values())]])
+
+
+def lighting_facts(lighting: Lighting) -> dict[str, float]:
+    """A Lighting as figures by name, its own before the truth's."""
+    (sharpness, true_sharpness), (depth, true_depth) = lighting.sharpness, lighting.depth
+    return {
+        "light_error": lighting.error,
+        "exposed_light_error": lighting.exposed_error,
+        "shadow_sharpness": sharpness,
+        "shadow_depth": depth,
+        "true_shadow_sharpness": true_sharpness,
+        "true_shadow_depth": true_depth,
+    }
+
+
+def lighting_table(rows: Mapping[str, Lighting]) -> str:
+    """A line a row, and one for the scene lit by the truth."""
+    true = next(iter(rows.values()))
+    head = ["", "error", "after one exposure", "shadow sharpness, stops/pixel", "depth, stops"]
+    lines = [["true probe", "", "", _cell(true.sharpness[1]), _cell(true.depth[1], 2)]]
+    lines += [
+        [name, _cell(row.error), _cell(row.exposed_error), _cell(row.sharpness[0]),
+         _cell(row.depth[0], 2)]
+        for name, row in rows.items()
+    ]  # fmt: skip
+    return _table(head, lines)
 
 
 def _bounds(zone: Zone) -> str:

@@ -20,6 +20,7 @@ from itmo_video.operators.registry import (
     all_operators,
     find_operator,
     resolve_params,
+    version_of,
 )
 
 __all__ = [
@@ -35,4 +36,5 @@ __all__ = [
     "gain_of",
     "geometric_mean",
     "resolve_params",
+    "version_of",
 ]

@@ -1,4 +1,10 @@
-"""Banterle et al. 2007: the 2006 operator with an Expand Map that follows the picture's edges."""
+"""Banterle et al. 2007: the 2006 operator with an Expand Map that follows the picture's edges.
+
+The map is of luminance, or one of each colour channel: median cut and density of R, G and B apart.
+
+From memory of the publication; the HDR Toolbox of Banterle et al. makes maps of channels in the
+same way.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +20,7 @@ def map_banterle2007(luminance: Float32, context: Context) -> Float32:
     """The Expand Map by the settings at hand, cross-bilaterally filtered along luminance codes.
 
     Float32 (H, W) in [0, 1]. The publication filters along edges without giving sizes: ours are
-    parameters. Its maps of single colour channels are left out: an operator has luminance only.
+    parameters. With maps of single channels `luminance` is that channel, also for the edges.
     """
     if context.density is None:
         raise ValueError("the Expand Map of the settings is needed to make this one")
@@ -29,19 +35,35 @@ def map_banterle2007(luminance: Float32, context: Context) -> Float32:
     )
 
 
+_SOURCE = (
+    "Banterle, Ledda, Debattista, Chalmers and Bloj, A framework for inverse tone mapping, "
+    "The Visual Computer 23, 2007"
+)
+_FILTER = {
+    "sigma_range": Parameter(25.0, 1.0, 255.0, "of luminance, in codes"),
+    "sigma_space": Parameter(8.0, 1.0, 200.0, "in pixels of a picture 512 wide"),
+}
+
 OPERATORS = (
     Operator(
         "banterle2007",
         "banterle2006 with the Expand Map filtered along the picture's edges",
-        "Banterle, Ledda, Debattista, Chalmers and Bloj, A framework for inverse tone mapping, "
-        "The Visual Computer 23, 2007",
+        _SOURCE,
         gain_banterle2006,
-        {
-            "sigma_range": Parameter(25.0, 1.0, 255.0, "of luminance, in codes"),
-            "sigma_space": Parameter(8.0, 1.0, 200.0, "in pixels of a picture 512 wide"),
-        },
+        _FILTER,
         uses_alpha=True,
         curve=curve_banterle2006,
         make_map=map_banterle2007,
+    ),
+    Operator(
+        "banterle2007_channels",
+        "banterle2007 with a map of each colour channel, so that hues change where lights are",
+        _SOURCE,
+        gain_banterle2006,
+        _FILTER,
+        uses_alpha=True,
+        curve=curve_banterle2006,
+        make_map=map_banterle2007,
+        channel_maps=True,
     ),
 )

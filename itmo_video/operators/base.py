@@ -94,6 +94,8 @@ class Operator:
     readable form that tests hold the gain against in float64. `uses_map` tells whether a map
     weighs the result; `make_map(luminance, context)` makes one, float32 (H, W) in [0, 1], in place
     of the Expand Map from luminance at analysis size; where the map is 0 the gain is `base` (1).
+    With `channel_maps` it is given R, G and B, linear, one after another in luminance's place, and
+    each channel is weighed by its own map.
 
     An operator that needs more than luminance has two functions instead: `make_map_rgb(rgb_linear,
     context, wrap_x)` makes the map from linear RGB, float32 (H, W, 3) at analysis size, and
@@ -114,6 +116,7 @@ class Operator:
     base: Callable[[Context], float] | None = None
     make_map_rgb: Callable[[Float32, Context, bool], Float32] | None = None
     gain_greatest: Callable[[Float32, Float32 | None, Context], Float32] | None = None
+    channel_maps: bool = False
 
 
 def gain_of(curve: Curve) -> Gain:

@@ -1,4 +1,7 @@
-"""Drago et al. 2003, inverted: adaptive logarithmic mapping."""
+"""Drago et al. 2003, inverted: adaptive logarithmic mapping.
+
+Eq. 4 is from memory and agrees with published implementations of it.
+"""
 
 from __future__ import annotations
 

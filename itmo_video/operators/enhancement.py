@@ -2,6 +2,9 @@
 
 Both stretch the picture to L'max / alpha and multiply by 1 to alpha where a map tells that clipped
 light is near. The map is the operator's own and is carried by the keyframes.
+
+Both are from memory: Kovaleski and Oliveira's constants agree with the HDR Toolbox of Banterle et
+al.; Rempel's publication was not at hand.
 """
 
 from __future__ import annotations

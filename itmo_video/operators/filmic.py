@@ -1,4 +1,7 @@
-"""Hable's filmic curve, inverted."""
+"""Hable's filmic curve, inverted.
+
+The curve and its constants are from memory of the article.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Huo et al. 2014: the retina's response, inverted, with local adaptation."""
+"""Huo et al. 2014: the retina's response, inverted, with local adaptation.
+
+The formula and its constants are from memory and agree with the HDR Toolbox of Banterle et al..
+"""
 
 from __future__ import annotations
 

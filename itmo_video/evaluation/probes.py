@@ -1,0 +1,141 @@
+"""`evaluate --ibl`: a scene lit by a converted panorama, by its SDR and by the naive expansion.
+
+All are compared with the scene lit by the true panorama. Needs the extra `ibl`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import astuple
+from itertools import repeat
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from itmo_video.errors import InputError
+from itmo_video.evaluation import ibl
+from itmo_video.evaluation.folders import (
+    frame_rgb,
+    open_sequence,
+    open_source,
+    pair,
+    read_rgb,
+)
+from itmo_video.model import Float32, Frame
+from itmo_video.reader import frames_at
+from itmo_video.render import make_look, render
+from itmo_video.settings import Settings, make_settings
+
+TEST, SDR, NAIVE = "test", "LDR probe", "naive"
+SIZE = (512, 256)  # of the panoramas that light the scene, at most
+_ASPECT_TOLERANCE = 0.02
+
+
+def compare_lights(test: Path, reference: Path, source: Path | None) -> dict[str, ibl.Lighting]:
+    """Means over frames of how renders agree, by row: TEST, and with the SDR clip SDR and NAIVE.
+
+    `test` and `reference` are folders of EXR files, or one .exr or .hdr file; 1.0 is SDR white in
+    both. The naive row is the operator of Landis at the L'max that `test` was made with. Raises
+    InputError where they do not fit together or are no latitude-longitude panoramas, UsageError
+    where Mitsuba is not installed.
+    """
+    ibl.require_mitsuba()  # to be told at once
+    settings = Settings()
+    if test.is_dir():
+        settings = open_sequence(test).settings_or_default
+    found: dict[str, list[ibl.Lighting]] = {}
+    for lights, truth in _lights(test, reference, source, settings):
+        lit = ibl.render_lit(truth)
+        for name, light in lights.items():
+            found.setdefault(name, []).append(ibl.compare_lit(ibl.render_lit(light), lit))
+    return {name: _mean(frames) for name, frames in found.items()}
+
+
+def _lights(
+    test: Path, reference: Path, source: Path | None, settings: Settings
+) -> Iterator[tuple[dict[str, Float32], Float32]]:
+    """Of each frame the panoramas by row, and the true one, ready to light the scene."""
+    pairs = _pairs(test, reference)
+    originals: Iterable[Frame | None] = repeat(None)
+    if source is not None:
+        clip = open_source(source, settings)
+        originals = frames_at(clip, [index for index, _, _ in pairs])
+    for (_, test_file, true_file), original in zip(pairs, originals, strict=False):
+        lights = {}
+        if original is not None:
+            lights[SDR] = _fitted(frame_rgb(original), str(source))
+            lights[NAIVE] = _fitted(_naive(original, settings), str(source))
+        lights[TEST] = _fitted(_read(test_file), str(test_file))
+        yield lights, _fitted(_read(true_file), str(true_file))
+
+
+def _pairs(test: Path, reference: Path) -> list[tuple[int, Path, Path]]:
+    """Index of the source's frame, file and true file; a single file stands for one frame."""
+    if test.is_dir() and reference.is_dir():
+        return [
+            (p.index, p.test, p.truth) for p in pair(open_sequence(test), open_sequence(reference))
+        ]
+    (index, one), (_, true) = _only(test), _only(reference)
+    return [(index, one, true)]
+
+
+def _only(path: Path) -> tuple[int, Path]:
+    """Index and path of the only picture: the file itself, or that of a folder with one."""
+    if not path.is_dir():
+        return 0, path
+    sequence = open_sequence(path)
+    if len(sequence.files) > 1:
+        raise InputError(
+            f"it has {len(sequence.files)} pictures, the other side is one file", where=str(path)
+        )
+    return next(iter(sequence.by_index.items()))
+
+
+def _read(path: Path) -> Float32:
+    """Linear BT.709 RGB of an .exr or .hdr file, (H, W, 3)."""
+    if path.suffix.lower() != ".hdr":
+        return read_rgb(path)
+    picture = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
+    if picture is None or picture.ndim != 3:
+        raise InputError("not a Radiance picture", where=str(path))
+    return np.asarray(picture[..., 2::-1], np.float32)
+
+
+def _naive(frame: Frame, settings: Settings) -> Float32:
+    look = make_look(
+        make_settings(
+            "paper",
+            operator="landis2002",
+            expand_map=False,
+            l_max=settings.l_max_effective,
+            over_white=settings.over_white,
+        )
+    )
+    return np.dstack(render(frame, None, look).rgb).astype(np.float32)
+
+
+def _fitted(rgb: Float32, where: str) -> Float32:
+    """A panorama at the size that it lights the scene with; area-averaged, so light is kept."""
+    height, width = rgb.shape[:2]
+    if abs(width / (2 * height) - 1) > _ASPECT_TOLERANCE:
+        raise InputError(
+            f"not a latitude-longitude panorama: {width}x{height} is not 2:1", where=where
+        )
+    if not np.isfinite(rgb).all():
+        raise InputError("it has pixels that are not numbers", where=where)
+    if width > SIZE[0]:
+        rgb = np.asarray(cv2.resize(rgb, SIZE, interpolation=cv2.INTER_AREA), np.float32)
+    return np.maximum(rgb, 0)
+
+
+def _mean(frames: list[ibl.Lighting]) -> ibl.Lighting:
+    error, exposed, sharpness, depth = (
+        np.mean(part, axis=0) for part in zip(*map(astuple, frames), strict=True)
+    )
+    return ibl.Lighting(
+        float(error),
+        float(exposed),
+        (float(sharpness[0]), float(sharpness[1])),
+        (float(depth[0]), float(depth[1])),
+    )
