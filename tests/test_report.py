@@ -128,6 +128,15 @@ def test_too_many_pictures_are_thinned_evenly() -> None:
     assert len(page.thinned(shown, 1)) == 1
 
 
+@pytest.mark.parametrize("largest", [0.00634, 0.01, 1.0, 2.79, 3.0, 100.0, 451.1])
+def test_ticks_are_round_and_reach_the_top(largest: float) -> None:
+    ticks = plots.even_ticks(largest)
+    assert ticks[0] == 0
+    assert ticks[-1] >= largest * (1 - 1e-9) > ticks[-2]
+    assert 2 <= len(ticks) <= 5
+    assert all(float(f"{t:.2g}") == pytest.approx(t) for t in ticks), "not round"
+
+
 def test_plots_stay_in_their_box() -> None:
     line = plots.Line("x", [0.0, 5000.0, float("nan"), 1.0])
     drawn = plots.draw(plots.Plot("t", "u", [line], [1, 2, 3, 4], is_log=True))
@@ -184,6 +193,16 @@ def test_controls_change_the_picture(opened: tuple[Any, list[str]]) -> None:
     seen.append(pixels(tab))
     assert len(set(seen)) == len(seen), "a control changed nothing"
     assert told == [], "the page complained or asked for something"
+
+
+def test_a_narrow_page_cuts_nothing_off(browser: Any, folder: Path) -> None:
+    tab = browser.new_page(viewport={"width": 400, "height": 800})
+    tab.goto((folder / page.REPORT_NAME).as_uri())
+    tab.wait_for_selector("#screen[data-frame]")
+    for selector in ("body", "figure"):
+        wide = f"[...document.querySelectorAll('{selector}')].map(e => e.scrollWidth)"
+        assert max(tab.evaluate(wide)) <= 400, f"{selector} has to be scrolled sideways"
+    tab.close()
 
 
 def test_keyboard_is_enough(opened: tuple[Any, list[str]]) -> None:

@@ -59,8 +59,8 @@ def draw(plot: Plot) -> Drawn:
         ticks = [float(t) for t in range(int(low), math.floor(high) + 1)]
         named = [(t, f"{10**t:g}") for t in ticks]
     else:
-        low, high = 0.0, largest or 1.0
-        named = [(high * i / 4, f"{high * i / 4:.3g}") for i in range(5)]
+        low, even = 0.0, even_ticks(largest or 1.0)
+        high, named = even[-1], [(t, f"{t:.3g}") for t in even]
 
     def y(value: float) -> float:
         shown = math.log10(max(value, 10**low)) if plot.is_log else value
@@ -86,6 +86,14 @@ def draw(plot: Plot) -> Drawn:
         [x_of(i, count) for i in plot.cuts],
         [x_of(i, count) for i in plot.keys],
     )  # fmt: skip
+
+
+def even_ticks(largest: float) -> list[float]:
+    """Ticks from 0 to `largest` (above 0) or just above, in up to 4 steps of 1, 2, 2.5 or 5."""
+    least = largest / 4
+    power = 10.0 ** math.floor(math.log10(least))
+    step = next(m * power for m in (1, 2, 2.5, 5, 10) if m * power >= least * (1 - 1e-9))
+    return [step * i for i in range(math.ceil(largest / step - 1e-9) + 1)]
 
 
 def x_of(position: int, count: int) -> float:

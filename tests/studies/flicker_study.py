@@ -95,7 +95,7 @@ def main() -> None:
             over = " | ".join(f"{f[kind] / f['D']:.1f}" for kind in ("P", "PB", "DB"))
             row = f"{cells} | {over} | {mean:.2f} | {np.mean(alike):.2f} | {itself:.2f} |"
             print(f"| {panorama.stem} | {motion} | {row}", flush=True)
-    for name, values in (("P/D", ratios), ("DB/D", blended)):
+    for name, values in (("P/D", ratios), ("DB/D", blended)) if ratios else ():
         print(f"\n{name}, moving scenes: mean {np.mean(values):.1f}, least {np.min(values):.1f}")
 
 
