@@ -28,7 +28,7 @@ COLUMNS: dict[str, dict[str, Any]] = {
     "eq. 11, no map": {"preset": "paper", "expand_map": False},
     "paper's map, per frame": {"preset": "paper", "temporal": "per-frame"},
     "paper's map, tracked": {"preset": "paper"},
-    "default": {"preset": "default"},
+    "highlights": {"preset": "highlights"},
 }
 
 

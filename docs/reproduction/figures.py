@@ -48,7 +48,7 @@ def figure_1(codes: Any) -> None:
     for preset, overrides in (
         ("paper", {"operator": "landis2002", "expand_map": False}),
         ("paper", {"operator": "banterle2006"}),
-        ("default", {"operator": "banterle2006"}),
+        ("paper", {"edge_aware": True, "soft_lights": True, "noise_guard": True}),
     ):
         after = luminance(converted(noisy, preset, l_max=20.0, **overrides)[0])
         gain = np.log2(np.maximum(after, 1e-6) / np.maximum(before, 1e-6))

@@ -27,7 +27,7 @@ COLUMNS: dict[str, dict[str, Any] | None] = {
     "naive": {"preset": "paper", "operator": "landis2002", "expand_map": False},
     "eq. 11, no map": {"preset": "paper", "expand_map": False},
     "paper": {"preset": "paper"},
-    "default": {"preset": "default"},
+    "highlights": {"preset": "highlights"},
 }
 NAIVE: dict[str, dict[str, Any]] = {
     **{
@@ -40,7 +40,7 @@ NAIVE: dict[str, dict[str, Any]] = {
         for t in (0.25, 0.5, 0.75, 0.9)
     },
     "paper": {"preset": "paper"},
-    "default": {"preset": "default"},
+    "highlights": {"preset": "highlights"},
 }
 
 
@@ -77,8 +77,8 @@ def judged(rgb: Any, truth: Any, l_max: float) -> tuple[float, float, float]:
 
 
 def settings_of(name: str, l_max: float) -> dict[str, Any]:
-    """An operator's settings: its own defaults, and the map of `default` where it uses one."""
-    return {"preset": "default", "operator": name, "l_max": l_max}
+    """An operator's settings: its own defaults, and the map of `highlights` where it uses one."""
+    return {"preset": "highlights", "operator": name, "l_max": l_max}
 
 
 def main() -> None:
@@ -156,7 +156,7 @@ def _print_shares(
         cells = [f"{100 * m[0]:.1f} / {100 * m[1]:.1f}, {m[2]:.1f} dB" for m in means]
         print(f"| **{label}** | " + " | ".join(cells) + " |")
         naive, paper, default = (np.array(columns[c])[mask].mean(axis=0)
-                                 for c in ("naive", "paper", "default"))  # fmt: skip
+                                 for c in ("naive", "paper", "highlights"))  # fmt: skip
         print(
             f"| fewer than naive, {label} | | | | {1 - paper[0] / naive[0]:+.0%} / "
             f"{1 - paper[1] / naive[1]:+.0%} | {1 - default[0] / naive[0]:+.0%} / "

@@ -20,7 +20,7 @@ WIDEST = 512  # at 45 pixels a degree 11 degrees; the metric takes a second for 
 # One JOD is where 75 % of people see which picture is worse; 95 % is 2.44 JOD, as a JOD is
 # 0.6745 standard deviations. So these are the counterparts of the paper's P >= 0.75 and 0.95.
 THRESHOLDS_JOD = (1.0, 1.6449 / 0.6745)
-ROWS = {name: COLUMNS[name] for name in ("SDR as it is", "naive", "paper", "default")}
+ROWS = {name: COLUMNS[name] for name in ("SDR as it is", "naive", "paper", "highlights")}
 
 
 def judged(rgb: Any, truth: Any, l_max: float) -> tuple[float, ...]:
@@ -83,7 +83,7 @@ def _print_table(
         print(f"| **{label}** | " + " | ".join(_cell(mean) for mean in means.values()) + " |")
         fewer = [
             " / ".join(f"{1 - mean[k] / means['naive'][k]:+.0%}" for k in (0, 2, 3))
-            if row in ("paper", "default")
+            if row in ("paper", "highlights")
             else ""
             for row, mean in means.items()
         ]
