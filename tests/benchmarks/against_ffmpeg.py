@@ -122,7 +122,7 @@ def machine() -> str:
     ):
         model = found[1]
     told = subprocess.run(["ffmpeg", "-version"], capture_output=True, text=True, check=True)
-    parts = ("av", "numpy", "OpenEXR", "opencv-contrib-python-headless", "isal")
+    parts = ("av", "numpy", "OpenEXR", "opencv-contrib-python-headless", "deflate")
     return (
         f"{len(os.sched_getaffinity(0))} cores of {model}; Python {platform.python_version()}, "
         + ", ".join(f"{part} {version(part)}" for part in parts)
