@@ -1,7 +1,7 @@
 """Settings that suit a clip, by simple rules of thumb, each with its reason.
 
-They are only told, never applied. What stands behind those for the Expand Map is in
-docs/quality.md; the numbers of the others are rules of thumb.
+They are only told, never applied. Those for the Expand Map are for the preset `highlights`, with
+which they were measured (docs/quality.md); the numbers of the others are rules of thumb.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ def _peak(statistics: Statistics) -> Suggestion | None:
 
 
 def _map(statistics: Statistics) -> tuple[Suggestion, ...]:
-    share = f"{statistics.clipped:.2%} of the pixels are clipped"
+    share = f"for --preset highlights: {statistics.clipped:.2%} of the pixels are clipped"
     if statistics.clipped < FEW_CLIPPED:
         reason = f"{share}: nothing large is there to be overshot, so the paper's map suits"
         return Suggestion("radius", 16.0, reason), Suggestion("min_lights", 4, reason)
@@ -49,7 +49,10 @@ def _map(statistics: Statistics) -> tuple[Suggestion, ...]:
         reason = f"{share}: only where lights stand still more densely are they lamps"
         return (Suggestion("min_lights", 4, reason),)
     if statistics.p50 > DARK:
-        reason = f"half of the picture is above {statistics.p50:.0%} of white: highlights are large"
+        reason = (
+            f"for --preset highlights: half of the picture is above {statistics.p50:.0%} of white, "
+            "highlights are large"
+        )
         return (Suggestion("radius", 8.0, reason),)
     return ()
 
