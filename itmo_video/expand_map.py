@@ -184,33 +184,42 @@ def upsample_bilinear(map_small: Float32, shape_hw: tuple[int, int]) -> Float32:
 
 
 def upsample_rows(
-    map_small: Float32, rows: slice, shape_hw: tuple[int, int], wrap_x: bool = False
+    maps_small: Float32, rows: slice, shape_hw: tuple[int, int], wrap_x: bool = False
 ) -> Float32:
-    """Some rows of `upsample_bilinear`, (rows, W) float32, a new array; equal within 1e-6.
+    """Some rows of `upsample_bilinear` of each map (..., H, W), a new array; equal within 1e-6.
 
-    Any strip gives bit for bit the same rows, which cv2.resize of parts would not. `wrap_x` for
-    panorama, whose last column lies beside its first.
+    Float32 (..., rows, W). Any strip gives bit for bit the same rows, which cv2.resize of parts
+    would not. `wrap_x` for panoramas, whose last column lies beside its first.
     """
     height, width = shape_hw
-    small_h = map_small.shape[0]
-    y = (np.arange(rows.start, rows.stop) + 0.5) * (small_h / height) - 0.5
-    y = np.clip(y, 0, small_h - 1)
-    above = np.minimum(y.astype(np.intp), max(small_h - 2, 0))
-    below = np.minimum(above + 1, small_h - 1)
-    part = (y - above).astype(np.float32)[:, None]
-    strip = map_small[above] * (1 - part)
-    strip += map_small[below] * part
-    if strip.shape[1] == width:
+    above, below, part, rest = _rows_between(rows.start, rows.stop, maps_small.shape[-2], height)
+    strip = maps_small[..., above, :] * rest
+    strip += maps_small[..., below, :] * part
+    small_w = strip.shape[-1]
+    if small_w == width:
         return np.asarray(strip, np.float32)
     if wrap_x:
-        small_w = strip.shape[1]
         x = (np.arange(width) + 0.5) * (small_w / width) - 0.5
         left = np.floor(x).astype(np.intp)
         share = (x - left).astype(np.float32)
-        here, right = strip[:, left % small_w], strip[:, (left + 1) % small_w]
+        here, right = strip[..., left % small_w], strip[..., (left + 1) % small_w]
         return np.asarray(here * (1 - share) + right * share, np.float32)
-    wide = cv2.resize(strip, (width, strip.shape[0]), interpolation=cv2.INTER_LINEAR)
-    return np.asarray(wide, np.float32).reshape(strip.shape[0], width)
+    lines = strip.reshape(-1, small_w)
+    wide = cv2.resize(lines, (width, lines.shape[0]), interpolation=cv2.INTER_LINEAR)
+    return np.asarray(wide, np.float32).reshape(*strip.shape[:-1], width)
+
+
+@functools.lru_cache(maxsize=256)  # the strips of a frame of 8K
+def _rows_between(
+    start: int, stop: int, small_height: int, height: int
+) -> tuple[Indices, Indices, Float32, Float32]:
+    """The small rows above and below each full row, and the shares of the lower and the upper."""
+    y = (np.arange(start, stop) + 0.5) * (small_height / height) - 0.5
+    y = np.clip(y, 0, small_height - 1)
+    above = np.minimum(y.astype(np.intp), max(small_height - 2, 0))
+    below = np.minimum(above + 1, small_height - 1)
+    part = (y - above).astype(np.float32)[:, None]
+    return above, below, part, np.float32(1) - part
 
 
 def edge_aware_coefficients(
@@ -222,7 +231,8 @@ def edge_aware_coefficients(
     up to full size they give the map as a * guide + b, to be clipped to [0, 1], with the edges of
     the full-size guide. `map_small`, `guide_small`: float32 (H, W), the guide in any encoding.
     Windows span 2 * radius_px + 1 pixels and shrink at the picture's edges; `epsilon` > 0 is the
-    variance of the guide, in its own unit squared, below which it counts as flat.
+    variance of the guide, in its own unit squared, below which it counts as flat. The guide itself
+    may be the map: an edge-preserving filter.
     """
     if map_small.shape != guide_small.shape:
         raise ValueError(f"map {map_small.shape} and guide {guide_small.shape} differ in shape")
@@ -234,14 +244,17 @@ def edge_aware_coefficients(
         summed = cv2.boxFilter(image, -1, size, normalize=False, borderType=cv2.BORDER_CONSTANT)
         return np.asarray(summed, dtype=np.float32)
 
-    pixels = box_sum(np.ones_like(map_small))
+    share = np.float32(1) / box_sum(np.ones_like(map_small))
 
     def mean(image: Floats) -> Float32:
-        return box_sum(image) / pixels
+        return np.asarray(box_sum(image) * share, np.float32)
 
-    guide_mean, map_mean = mean(guide_small), mean(map_small)
-    covariance = mean(guide_small * map_small) - guide_mean * map_mean
+    guide_mean = map_mean = mean(guide_small)
     variance = np.maximum(mean(guide_small * guide_small) - guide_mean * guide_mean, 0.0)
+    covariance = variance
+    if map_small is not guide_small:
+        map_mean = mean(map_small)
+        covariance = mean(guide_small * map_small) - guide_mean * map_mean
     a = covariance / (variance + np.float32(epsilon))
     return mean(a), mean(map_mean - a * guide_mean)
 

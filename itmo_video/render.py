@@ -85,7 +85,7 @@ def frame_luminance(frame: Frame) -> Float32:
 
 
 def make_key_map(frame: Frame, look: Look) -> Float32:
-    """A frame's own map at analysis size, (H, W) in [0, 1], or (H, W, 3) of an operator of RGB.
+    """A frame's own map at analysis size, (H, W) in [0, 1], or (H, W, 3), one of each channel.
 
     The Expand Map of sections 2.2 and 2.3, or the operator's own.
     """
@@ -140,7 +140,7 @@ def _rgb_map(frame: Frame, size: tuple[int, int], look: Look) -> Float32:
         slice(edge.top, size[1] - edge.bottom),
         slice(edge.left, size[0] - edge.right),
     )
-    key_map = np.zeros((size[1], size[0]), np.float32)
+    key_map = np.zeros((size[1], size[0], 3), np.float32)
     key_map[inner] = look.operator.make_map_rgb(rgb[inner], context, False)
     return key_map
 
@@ -205,43 +205,51 @@ def render(
         matrix = colour.rgb_to_rgb_matrix(frame.encoding.primaries, settings.primaries)
     if guide is None:
         guide = analysis_guide(frame, settings.map_width)
-    gain_greatest = look.operator.gain_greatest
-    edge_aware = settings.edge_aware and gain_greatest is None
-    weights: list[FullMap] = []
+    gain_channel = look.operator.gain_channel
+    edge_aware = settings.edge_aware and gain_channel is None
+    weights = None
     if map_small is not None and look.needs_map:
-        planes = [map_small] if map_small.ndim == 2 else cv2.split(map_small)
-        weights = [FullMap(plane, frame, guide, settings, edge_aware) for plane in planes]
+        weights = FullMap(map_small, frame, guide, settings, edge_aware)
     guard = NoiseGuard(frame, guide) if settings.noise_guard else None
-    needs_codes = guard is not None or (bool(weights) and edge_aware)
+    needs_codes = guard is not None or (weights is not None and edge_aware)
     wrap_x = settings.projection == "latlong"
     # A gain of L'max on a pixel of one pure primary may pass what a half can hold.
     limit = settings.alpha is not None or not clip or 20 * context.l_max > HALF_MAX
     alpha = _alpha(frame)
-    out = [np.empty((height, width), np.float16) for _ in range(3)]
+    out = np.empty((3, height, width), np.float16)  # at once: NumPy asks for huge pages
     layers = {f"{name}.Y": np.empty((height, width), np.float16) for name in settings.layers}
     for rows in strips(height):
         rgb = _buffers(rows, width)
         colour.strip_to_rgb_linear(frame, rows, clip, rgb)
-        # What the gain is found from: luminance, or the greatest channel for one that asks for it.
-        drive = luminance_of(rgb) if gain_greatest is None else _greatest(rgb)
-        np.clip(drive, 0, 1, out=drive)
         codes, soft = strip_codes(frame, rows, wrap_x) if needs_codes else (None, None)
-        if guard is not None and codes is not None:
-            drive = guard.smooth(drive, rows, codes)
-        maps = [weight.rows(rows, soft) for weight in weights]
-        if gain_greatest is not None:
-            gains = [gain_greatest(drive, maps[0] if maps else None, context)]
+        denoise = None if guard is None or codes is None else guard.ratio(rows, codes)
+        maps = [] if weights is None else weights.rows(rows, soft)
+        if gain_channel is not None:
+            each: Sequence[Float32 | None] = maps or [None] * len(rgb)
+            gains = [
+                gain_channel(_drive(plane, denoise, np.empty_like(plane)), part, context)
+                for plane, part in zip(rgb, each, strict=True)
+            ]
         else:
-            gains = _weighed(look.operator.gain(drive, context), maps, base)
+            luminance = luminance_of(rgb)
+            gain = look.operator.gain(_drive(luminance, denoise, luminance), context)
+            gains = _weighed(gain, maps, base)
         if settings.strength != 1:
             share = np.float32(settings.strength)
             gains = [(part - np.float32(1)) * share + np.float32(1) for part in gains]
         _fill_layers(layers, rows, rgb, gains, maps)
         if alpha is not None:
             gains = [part * alpha[rows] for part in gains]
-        _write_strip(rgb, gains, matrix, limit, [plane[rows] for plane in out])
+        _write_strip(rgb, gains, matrix, limit, out[:, rows])
     half_alpha = None if alpha is None else alpha.astype(np.float16)
     return Rendered((out[0], out[1], out[2]), half_alpha, layers)
+
+
+def _drive(light: Float32, denoise: Float32 | None, out: Float32) -> Float32:
+    """What a gain is found from: luminance or a channel, denoised if so wished, in [0, 1]."""
+    if denoise is not None:
+        light = np.multiply(light, denoise, out=out)
+    return np.clip(light, 0, 1, out=out)
 
 
 def _buffers(rows: slice, width: int) -> tuple[Float32, Float32, Float32]:
@@ -291,7 +299,7 @@ def _write_strip(
     gains: Sequence[Float32],
     matrix: Float64 | None,
     limit: bool,
-    out: Sequence[Half],
+    out: Half,
 ) -> None:
     each = gains if len(gains) == len(rgb) else [gains[0]] * len(rgb)
     if matrix is None and not limit and gains[0].size >= _LEAST_FOR_CV2:

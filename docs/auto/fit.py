@@ -18,7 +18,21 @@ from pathlib import Path
 import cv2
 import numpy as np
 import torch
-from network import EDGES_STOPS, PEAKS, Network, compose, gate, load_state, pq
+from network import (
+    EDGES_STOPS,
+    OPEN_FROM,
+    PEAKS,
+    Network,
+    compose,
+    gate,
+    itp,
+    linear_of,
+    load_state,
+    luminance,
+    opened,
+    pq,
+    stops,
+)
 from scenes import read_hdr, sample, scene_paths
 from torch import Tensor
 from torch.nn import functional
@@ -27,7 +41,7 @@ SIZE = (480, 288)
 
 
 def feed(paths: list[Path], seed: int, queue: mp.Queue, batch: int) -> None:
-    """Puts batches (codes uint8 (b, h, w, 3), luminance float16 (b, h, w)) for ever."""
+    """Puts batches (codes uint8, linear RGB float16), each (b, h, w, 3) for ever."""
     cv2.setNumThreads(1)
     rng = np.random.default_rng(seed)
     scenes = [read_hdr(p) for p in paths]
@@ -41,45 +55,82 @@ def feed(paths: list[Path], seed: int, queue: mp.Queue, batch: int) -> None:
         queue.put((codes, np.minimum(truth, 64).astype(np.float16)))
 
 
-def pq_errors(z: Tensor, codes: Tensor, truth: Tensor) -> Tensor:
-    """Log of the mean squared PQ error at three scales and both peaks, summed: (b,)."""
-    loss = torch.zeros(len(z))
+def scaled_errors(error: Tensor) -> Tensor:
+    """Log of the mean squared error (b, c, h, w), c summed, at three scales, summed: (b,)."""
+    loss = torch.zeros(len(error))
+    for scale, share in ((1, 1.0), (4, 0.6), (16, 0.4)):
+        e = functional.avg_pool2d(error, scale) if scale > 1 else error
+        loss = loss + share * torch.log(e.square().sum(1).flatten(1).mean(1) + 1e-6)
+    return loss
+
+
+def picture_errors(z: Tensor, codes: Tensor, truth: Tensor, opening: Tensor) -> Tensor:
+    """Errors of PQ luminance and of colour (BT.2124) at both peaks: (b,).
+
+    Only of pixels that can be expanded: the others are none of the network's business.
+    """
+    b, h, w, _ = codes.shape
+    linear = linear_of(codes)
+    bright = (linear.amax(1) > OPEN_FROM).flatten()
+
+    def picked(rgb: Tensor) -> Tensor:  # (1, 3, n, 1) of (b, 3, h, w)
+        return rgb.transpose(0, 1).flatten(1)[:, bright][None, ..., None]
+
+    def spread(error: Tensor) -> Tensor:  # (b, c, h, w) of (1, c, n, 1)
+        full = error.new_zeros(error.shape[1], b * h * w)
+        full[:, bright] = error[0, ..., 0]
+        return full.view(-1, b, h, w).transpose(0, 1)
+
+    share = picked(opened(linear, opening))
+    linear, truth = picked(linear), picked(truth)
+    loss = torch.zeros(b)
     for peak, weight in zip(PEAKS, (1.0, 0.35), strict=True):
-        test = pq(203 * compose(z, codes, math.log2(peak)).clamp(max=peak))
-        error = test - pq(203 * truth.clamp(max=peak))
-        for scale, share in ((1, 1.0), (4, 0.6), (16, 0.4)):
-            e = functional.avg_pool2d(error[:, None], scale) if scale > 1 else error
-            loss = loss + weight * share * torch.log(e.square().flatten(1).mean(1) + 1e-6)
+        amount = functional.interpolate(stops(z, math.log2(peak)), scale_factor=2, mode="bilinear")
+        test = 203 * (linear * torch.exp2(picked(amount) * share)).clamp(max=peak)
+        want = 203 * truth.clamp(max=peak)
+        grey = (pq(luminance(test)) - pq(luminance(want)))[:, None]
+        colour = itp(test) - itp(want)
+        loss = loss + weight * (0.7 * scaled_errors(spread(grey)) + scaled_errors(spread(colour)))
     return loss
 
 
 def level_errors(z: Tensor, codes: Tensor, truth: Tensor) -> Tensor:
-    """Cross-entropy of the levels where the frame clips: (b,); no gradient vanishes at 0 and 1."""
-    edges = torch.tensor(EDGES_STOPS).view(1, -1, 1, 1)
-    height = torch.log2(truth.clamp(min=1e-4))[:, None]
-    levels = ((height - edges[:, :-1]) / (edges[:, 1:] - edges[:, :-1])).clamp(0, 1)
-    weight = gate(codes.amax(-1, keepdim=True).permute(0, 3, 1, 2).float() / 255)
+    """Cross-entropy of the levels where a channel clips: (b,); no gradient vanishes at 0 and 1."""
+    edges = torch.tensor(EDGES_STOPS)
+    weight = gate(codes.permute(0, 3, 1, 2).float() / 255)
+    height = torch.log2(truth.clamp(min=1e-4))
     pooled = functional.avg_pool2d(weight, 2)
-    levels = functional.avg_pool2d(levels * weight, 2) / pooled.clamp(min=1e-4)
-    entropy = functional.binary_cross_entropy_with_logits(z, levels, reduction="none").mean(
-        1, keepdim=True
-    )
-    return (entropy * pooled).sum((1, 2, 3)) / (pooled.sum((1, 2, 3)) + 50)
+    b, _, h, w = pooled.shape
+    at = (pooled > 0.05).nonzero(as_tuple=True)
+    # The four pixels of each place, (n, 4), and the share of each level that they reach, weighed.
+    squares = [functional.pixel_unshuffle(x, 2).view(b, 3, 4, h, w) for x in (weight, height)]
+    weights, heights = (x[at[0], at[1], :, at[2], at[3]] for x in squares)
+    levels = ((heights[..., None] - edges[:-1]) / (edges[1:] - edges[:-1])).clamp(0, 1)
+    levels = (levels * weights[..., None]).sum(1) / weights.sum(1, keepdim=True)
+    ours = z.view(b, 3, -1, h, w)[at[0], at[1], :, at[2], at[3]]
+    entropy = functional.binary_cross_entropy_with_logits(ours, levels, reduction="none").mean(1)
+    total = torch.zeros(b).index_add(0, at[0], entropy * pooled[at])
+    return total / (pooled.sum((1, 2, 3)) + 100)
 
 
-def psnr_gain(net: Network, batches: list[tuple[Tensor, Tensor]]) -> Tensor:
-    """PQ-PSNR (dB) over SDR as it is, for each picture, at the 1000-nit peak."""
+def gains_db(net: Network, batches: list[tuple[Tensor, Tensor]]) -> Tensor:
+    """PSNR (dB) over SDR as it is at the 1000-nit peak, of PQ luminance and of ITP: (n, 2)."""
     gains = []
     with torch.no_grad():
         for codes, truth in batches:
-            want = pq(203 * truth.clamp(max=PEAKS[0]))
-            z = net(codes)
+            want = 203 * truth.clamp(max=PEAKS[0])
+            tests = (compose(net(codes), codes, math.log2(PEAKS[0]), net.opening), linear_of(codes))
             errors = [
-                pq(203 * compose(levels, codes, math.log2(PEAKS[0])).clamp(max=PEAKS[0])) - want
-                for levels in (z, z * 0 - 40)
+                torch.stack(
+                    [
+                        (pq(luminance(test)) - pq(luminance(want))).square().mean((1, 2)),
+                        (itp(test) - itp(want)).square().sum(1).mean((1, 2)),
+                    ],
+                    1,
+                )
+                for test in (203 * rgb.clamp(max=PEAKS[0]) for rgb in tests)
             ]
-            ours, sdr = (error.square().mean((1, 2)) for error in errors)
-            gains.append(10 * torch.log10(sdr / ours))
+            gains.append(10 * torch.log10(errors[1] / errors[0]))
     return torch.cat(gains)
 
 
@@ -105,7 +156,7 @@ def main() -> None:
     held_pairs = [sample(read_hdr(path), SIZE, rng) for path in held for _ in range(4)]
     check = [
         (torch.from_numpy(np.stack([c for c, _ in held_pairs[i : i + 4]])),
-         torch.from_numpy(np.stack([t for _, t in held_pairs[i : i + 4]])))
+         torch.from_numpy(np.stack([t for _, t in held_pairs[i : i + 4]])).permute(0, 3, 1, 2))
         for i in range(0, len(held_pairs), 4)
     ]  # fmt: skip
     spawn = mp.get_context("spawn")  # a fork would inherit locked thread pools
@@ -126,15 +177,20 @@ def main() -> None:
         for group in optimiser.param_groups:
             group["lr"] = rate
         codes, truth = (torch.from_numpy(x) for x in queue.get())
-        truth = truth.float()
+        truth = truth.float().permute(0, 3, 1, 2)
         with torch.autocast("cpu", torch.bfloat16):
             z = net(codes)
         z = z.float()
-        loss = pq_errors(z, codes, truth).mean() + 4 * level_errors(z, codes, truth).mean()
+        loss = picture_errors(z, codes, truth, net.opening).mean()
+        loss = loss + 4 * level_errors(z, codes, truth).mean()
         optimiser.zero_grad()
         loss.backward()
         torch.nn.utils.clip_grad_norm_(net.parameters(), 2.0)
         optimiser.step()
+        with torch.no_grad():  # footage with a shoulder and grain wants it no sharper
+            net.opening.clamp_(
+                net.opening.new_tensor([0.7, 2.5]), net.opening.new_tensor([0.9, 3.6])
+            )
         step += 1
         keep = min(0.998, step / (step + 20))
         with torch.no_grad():
@@ -145,12 +201,18 @@ def main() -> None:
             last = time.monotonic()
             judge = Network()
             judge.load_state_dict(mean)
-            gain = psnr_gain(judge.eval(), check)
+            gain = gains_db(judge.eval(), check)
             torch.save(mean, a.out / "auto.pt")
-            worst = gain.view(-1, 4).mean(1).min()  # of the scenes
-            log.append({"step": step, "loss": running, "gain_db": gain.mean().item()})
+            worst = gain.view(-1, 4, 2).mean(1).amin(0)  # of the scenes
+            grey, colour = gain.mean(0)
+            log.append(
+                {"step": step, "loss": running, "pq_db": grey.item(), "itp_db": colour.item()}
+            )
+            centre, slope = judge.opening.tolist()
             print(
-                f"{done:.0%} {step} {running:.2f} {gain.mean():+.2f} dB, {worst:+.2f}", flush=True
+                f"{done:.0%} {step} {running:.2f} PQ {grey:+.2f} dB, worst {worst[0]:+.2f};"
+                f" ITP {colour:+.2f}, {worst[1]:+.2f}; opening {centre:.3f} {math.exp(slope):.1f}",
+                flush=True,
             )
             (a.out / "log.json").write_text(json.dumps(log, indent=1))
     feeder.terminate()

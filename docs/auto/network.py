@@ -1,13 +1,14 @@
 """The network of `--operator auto`, in PyTorch: fitted here, run by cv2.dnn in the product.
 
-From a frame's sRGB codes it tells for every place how likely the clipped radiance lies above each
-of a row of levels; summed up to a peak that is the expected log2 of the radiance, held at that
-peak. So one network serves every L'max. It works at half of the analysis picture's size: 2 x 2
-pixels are its channels.
+From a frame's sRGB codes it tells for every place and each of R, G and B how likely the clipped
+radiance lies above each of a row of levels; summed up to a peak that is the expected log2 of the
+radiance, held at that peak. So one network serves every L'max. It works at half of the analysis
+picture's size: 2 x 2 pixels are its channels.
 """
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import torch
@@ -17,7 +18,17 @@ from torch.nn import functional
 PEAKS = (1000 / 203, 20.0)
 EDGES_STOPS = (0.0, 0.3, 0.6, 0.9, 1.2, 1.6, 2.0, 2.5, 3.1, 3.7, 4.4)
 CHANNELS = (24, 32, 48, 64, 96)
-GATE_CENTRE, GATE_SLOPE = 0.9, 40.0
+GATE_CENTRE, GATE_SLOPE = 0.9, 40.0  # of the features, on codes
+OPEN_CENTRE, OPEN_SLOPE, OPEN_FROM = 0.787, 20.2, 0.5  # of the result, on linear light
+# BT.2100's ICtCp from linear BT.709 (BT.2087), and the weights of BT.2124's colour difference.
+LMS_OF_709 = (
+    (0.29576, 0.62308, 0.08117), (0.15619, 0.72725, 0.11656), (0.03510, 0.15658, 0.80832),
+)  # fmt: skip
+ITP_OF_LMS = (
+    (0.5, 0.5, 0.0),
+    (0.5 * 1.613769, -0.5 * 3.323486, 0.5 * 1.709717),
+    (4.378174, -4.245605, -0.132568),
+)  # fmt: skip
 
 
 def pq(nits: Tensor) -> Tensor:
@@ -37,7 +48,7 @@ def block(i: int, o: int) -> nn.Sequential:
 
 
 class Network(nn.Module):
-    """Codes uint8 (b, h, w, 3), h and w multiples of 32 -> levels' logits (b, k, h/2, w/2)."""
+    """Codes uint8 (b, h, w, 3), h and w multiples of 32 -> levels' logits (b, 3k, h/2, w/2)."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -47,10 +58,11 @@ class Network(nn.Module):
             nn.Conv2d(ch[-1], ch[-1], 1), nn.LeakyReLU(0.1), nn.Conv2d(ch[-1], ch[-1], 1)
         )
         self.up = nn.ModuleList(block(i + o, o) for i, o in zip(ch[:0:-1], ch[-2::-1], strict=True))
-        self.out = nn.Conv2d(ch[0], len(EDGES_STOPS) - 1, 1)
+        self.out = nn.Conv2d(ch[0], 3 * (len(EDGES_STOPS) - 1), 1)
+        self.opening = nn.Parameter(torch.tensor([OPEN_CENTRE, math.log(OPEN_SLOPE)]))
         with torch.no_grad():
             self.out.weight.mul_(0.1)
-            self.out.bias.copy_(torch.linspace(0.5, -2.5, len(EDGES_STOPS) - 1))
+            self.out.bias.copy_(torch.linspace(0.5, -2.5, len(EDGES_STOPS) - 1).repeat(3))
 
     def forward(self, codes: Tensor) -> Tensor:
         """The levels' logits of codes."""
@@ -104,22 +116,45 @@ def gate(maximum: Tensor) -> Tensor:
     return torch.sigmoid(GATE_SLOPE * (maximum - GATE_CENTRE)) / white
 
 
+def opened(linear: Tensor, opening: Tensor) -> Tensor:
+    """How far a channel counts as clipped, in [0, 1]: 0 up to OPEN_FROM, 1 at white."""
+    low, white, share = (
+        torch.sigmoid(opening[1].exp() * (x - opening[0]))
+        for x in (torch.tensor(OPEN_FROM), torch.tensor(1.0), linear)
+    )
+    return ((share - low) / (white - low)).clamp(min=0)
+
+
 def stops(z: Tensor, peak_stops: float) -> Tensor:
-    """Expected log2 radiance above white, held at a peak: (b, h/2, w/2)."""
+    """Expected log2 radiance above white of R, G and B, held at a peak: (b, 3, h/2, w/2)."""
     edges = torch.tensor(EDGES_STOPS)
     widths = (edges[1:].clamp(max=peak_stops) - edges[:-1]).clamp(min=0)
-    return (torch.sigmoid(z) * widths.view(1, -1, 1, 1)).sum(1)
+    b, _, h, w = z.shape
+    return (torch.sigmoid(z).view(b, 3, -1, h, w) * widths.view(1, 1, -1, 1, 1)).sum(2)
 
 
-def compose(z: Tensor, codes: Tensor, peak_stops: float) -> Tensor:
-    """The expanded luminance (b, h, w), 1.0 at SDR white."""
-    code = codes.float() / 255
-    linear = torch.where(code <= 0.04045, code / 12.92, ((code + 0.055) / 1.055) ** 2.4)
-    luminance = linear @ torch.tensor([0.2126, 0.7152, 0.0722])
-    amount = functional.interpolate(stops(z, peak_stops)[:, None], scale_factor=2, mode="bilinear")[
-        :, 0
-    ]
-    return luminance * torch.exp2(amount * gate(code.amax(-1)))
+def linear_of(codes: Tensor) -> Tensor:
+    """Linear RGB (b, 3, h, w) of sRGB codes uint8 (b, h, w, 3)."""
+    code = codes.permute(0, 3, 1, 2).float() / 255
+    return torch.where(code <= 0.04045, code / 12.92, ((code + 0.055) / 1.055) ** 2.4)
+
+
+def compose(z: Tensor, codes: Tensor, peak_stops: float, opening: Tensor) -> Tensor:
+    """The expanded RGB (b, 3, h, w), 1.0 at SDR white."""
+    linear = linear_of(codes)
+    amount = functional.interpolate(stops(z, peak_stops), scale_factor=2, mode="bilinear")
+    return linear * torch.exp2(amount * opened(linear, opening))
+
+
+def luminance(rgb: Tensor) -> Tensor:
+    """BT.709's luminance (b, h, w) of linear RGB (b, 3, h, w)."""
+    return torch.einsum("bchw,c->bhw", rgb, torch.tensor([0.2126, 0.7152, 0.0722]))
+
+
+def itp(nits: Tensor) -> Tensor:
+    """ICtCp of linear BT.709 in nits (b, 3, h, w), Ct halved: BT.2124's uniform space."""
+    lms = torch.einsum("bchw,dc->bdhw", nits, torch.tensor(LMS_OF_709))
+    return torch.einsum("bchw,dc->bdhw", pq(lms), torch.tensor(ITP_OF_LMS))
 
 
 def load_state(net: Network, path: Path) -> None:

@@ -107,7 +107,7 @@ def title(truth: Float, rng: np.random.Generator) -> Float:
 
 def expose(cut: Float, rng: np.random.Generator) -> Float:
     """The window with 1.0 at the radiance that reaches SDR white, in some other light."""
-    tint = np.exp(rng.normal(0, 0.07, 3)).astype(np.float32)
+    tint = np.exp(rng.normal(0, 0.1, 3)).astype(np.float32)
     cut = cut * tint
     luminance = cut @ BT709_WEIGHTS
     if rng.random() < 0.3:  # more or less colour
@@ -135,11 +135,11 @@ def shoot(truth: Float, rng: np.random.Generator) -> Codes:
 
 
 def sample(scene: Float, size: tuple[int, int], rng: np.random.Generator) -> tuple[Codes, Float]:
-    """(codes uint8 (h, w, 3), true luminance float32 (h, w)) of a random window of a scene."""
+    """(codes uint8 (h, w, 3), true linear RGB float32 (h, w, 3)) of a random window of a scene."""
     truth = expose(window(scene, size, rng), rng)
     if rng.random() < 0.15:
         truth = title(truth, rng)
     if rng.random() < 0.05:  # letterbox
         bar = int(rng.uniform(0.05, 0.14) * size[1])
         truth[:bar] = truth[-bar:] = 0
-    return shoot(truth, rng), truth @ BT709_WEIGHTS
+    return shoot(truth, rng), truth

@@ -1,10 +1,11 @@
-"""`auto`: a small network tells how far each clipped place lies above white.
+"""`auto`: a small network tells how far each clipped place lies above white, in R, G and B apart.
 
 Fitted by docs/auto/fit.py to HDR panoramas of known radiance; its weights are auto.onnx, run by
 OpenCV's own cv2.dnn at keyframes. For each of a row of levels above SDR white it gives the share of
 a place's radiance that reaches it; summed up to the peak that is the expected log2 of the radiance
-held at that peak, so one network serves every L'max. What is below clipping is left as it is: a
-gate on a pixel's greatest channel draws the edges, in the full picture.
+held at that peak, so one network serves every L'max. A channel below clipping is left as it is: a
+gate on each pixel's channels draws the edges, in the full picture, and where one or two channels
+clip the others are what the camera saw.
 """
 
 from __future__ import annotations
@@ -26,9 +27,11 @@ GATE_CENTRE, GATE_SLOPE = 0.9, 40.0
 TILE_PX = 32  # the network halves five times, so its pictures are multiples of this
 WRAP_PX = 64  # what a panorama shows of its other side
 _WEIGHTS = "auto.onnx"
-# The gate in linear light, tangent to the one on codes at its centre: it spares a power a pixel.
-_LINEAR_CENTRE = ((GATE_CENTRE + 0.055) / 1.055) ** 2.4
-_LINEAR_SLOPE = GATE_SLOPE * 1.055 / 2.4 * _LINEAR_CENTRE ** (1 / 2.4 - 1)
+# The gate of the result, on linear light; fitted with the weights.
+OPEN_CENTRE, OPEN_SLOPE, OPEN_FROM = 0.9, 28.0, 0.5
+_OPEN_LOW, _OPEN_WHITE = (
+    1 / (1 + math.exp(-OPEN_SLOPE * (light - OPEN_CENTRE))) for light in (OPEN_FROM, 1.0)
+)
 _local = threading.local()
 
 
@@ -58,10 +61,10 @@ def features(codes: Float32, height: int) -> Float32:
 
 
 def map_auto(rgb_linear: Float32, context: Context, wrap_x: bool = False) -> Float32:
-    """Expected log2 radiance of each place were it clipped, over log2 L'max: float32 (H, W).
+    """Expected log2 of R, G and B of each place were they clipped, over log2 L'max: (H, W, 3).
 
     `rgb_linear` is the picture at analysis size, float32 (H, W, 3) in [0, 1]; `wrap_x` for a
-    panorama. In [0, 1].
+    panorama. Float32 in [0, 1].
     """
     height, width = rgb_linear.shape[:2]
     codes = srgb_codes(rgb_linear)
@@ -80,29 +83,37 @@ def map_auto(rgb_linear: Float32, context: Context, wrap_x: bool = False) -> Flo
     edges = np.minimum(EDGES_STOPS, peak_stops)
     # The last level's share is taken on to peaks beyond it.
     widths = np.diff([*edges[:-1], max(peak_stops, edges[-1])])
-    stops = np.tensordot((widths / peak_stops).astype(np.float32), levels, 1)
+    levels = levels.reshape(3, len(widths), *levels.shape[1:])
+    stops = np.einsum("k,ckhw->hwc", (widths / peak_stops).astype(np.float32), levels)
     full = cv2.resize(stops, (codes.shape[1], codes.shape[0]), interpolation=cv2.INTER_LINEAR)
     return np.asarray(np.clip(full[:height, left : left + width], 0, 1), np.float32)
 
 
-def gain_auto(greatest: Float32, weight: Float32 | None, context: Context) -> Float32:
-    """2^(log2 L'max * map * gate), float32 (rows, W): 1 well below clipping, L'max at most.
+def gain_auto(channel: Float32, weight: Float32 | None, context: Context) -> Float32:
+    """2^(log2 L'max * map * gate), float32 (rows, W): 1 up to OPEN_FROM, L'max at most.
 
-    `greatest` is a pixel's greatest channel, linear light in [0, 1]; `weight` the map, 1 if None.
+    `channel` is R, G or B, linear light in [0, 1]; `weight` its map, 1 if None.
     """
-    share = cv2.exp(np.float32(-_LINEAR_SLOPE) * (greatest - np.float32(_LINEAR_CENTRE)))
+    gain = np.ones(channel.shape, np.float32)
+    bright = np.flatnonzero(channel > np.float32(OPEN_FROM))
+    if not bright.size:
+        return gain
+    share = np.asarray(channel.take(bright) - np.float32(OPEN_CENTRE))
+    share = cv2.exp(share * np.float32(-OPEN_SLOPE)).reshape(-1)
     share += np.float32(1)
-    at_white = 1 + math.exp(-_LINEAR_SLOPE * (1 - _LINEAR_CENTRE))
-    share = np.divide(np.float32(at_white * math.log(context.l_max)), share, out=share)
+    np.divide(np.float32(1), share, out=share)
+    share -= np.float32(_OPEN_LOW)
+    share *= np.float32(math.log(context.l_max) / (_OPEN_WHITE - _OPEN_LOW))
     if weight is not None:
-        share *= weight
-    return np.asarray(cv2.exp(share), np.float32).reshape(greatest.shape)
+        share *= weight.take(bright)
+    gain.put(bright, cv2.exp(share))
+    return gain
 
 
 def curve_auto(luminance: Floats, context: Context) -> Floats:
-    """Expanded grey of any float type where the map is 1: `gain_auto` written plainly."""
-    at_white = 1 + math.exp(-_LINEAR_SLOPE * (1 - _LINEAR_CENTRE))
-    gate = at_white / (1 + np.exp(-_LINEAR_SLOPE * (luminance - _LINEAR_CENTRE)))
+    """Expanded channel of any float type where the map is 1: `gain_auto` written plainly."""
+    share = 1 / (1 + np.exp(-OPEN_SLOPE * (luminance - OPEN_CENTRE)))
+    gate = np.clip((share - _OPEN_LOW) / (_OPEN_WHITE - _OPEN_LOW), 0, None)
     return np.asarray(luminance * context.l_max**gate)
 
 
@@ -122,6 +133,6 @@ OPERATORS = (
         lambda luminance, context: gain_auto(luminance, None, context),
         curve=curve_auto,
         make_map_rgb=map_auto,
-        gain_greatest=gain_auto,
+        gain_channel=gain_auto,
     ),
 )

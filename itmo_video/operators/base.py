@@ -98,9 +98,9 @@ class Operator:
     each channel is weighed by its own map.
 
     An operator that needs more than luminance has two functions instead: `make_map_rgb(rgb_linear,
-    context, wrap_x)` makes the map from linear RGB, float32 (H, W, 3) at analysis size, and
-    `gain_greatest(greatest, map, context)` the gain from each pixel's greatest channel; it draws
-    the edges itself, so its map is brought to full size without them.
+    context, wrap_x)` makes maps of R, G and B from linear RGB, both float32 (H, W, 3) at analysis
+    size, and `gain_channel(channel, map, context)` the gain of one channel from itself and its
+    map; it draws the edges itself, so its maps are brought to full size without them.
     """
 
     name: str
@@ -115,7 +115,7 @@ class Operator:
     make_map: Callable[[Float32, Context], Float32] | None = None
     base: Callable[[Context], float] | None = None
     make_map_rgb: Callable[[Float32, Context, bool], Float32] | None = None
-    gain_greatest: Callable[[Float32, Float32 | None, Context], Float32] | None = None
+    gain_channel: Callable[[Float32, Float32 | None, Context], Float32] | None = None
     channel_maps: bool = False
 
 
