@@ -14,9 +14,10 @@ from itmo_video import colour, keyframes
 from itmo_video.delivery import hdr
 from itmo_video.delivery.hdr import Light
 from itmo_video.delivery.pictures import Picture
+from itmo_video.evaluation import flicker
 from itmo_video.guide import analysis_guide, analysis_size
 from itmo_video.keyframes import Analysed
-from itmo_video.model import Encoding, Float32, Float64, Frame
+from itmo_video.model import Code, Encoding, Float32, Float64, Frame
 
 BINS_A_STOP = 2
 LOWEST_STOP = -14
@@ -47,12 +48,17 @@ class FrameFacts:
     coverage: float | None
     map_small: Float32 | None = None
     gain_small: Float32 | None = None
+    grey: Code | None = None
     tiny: Float32 | None = None
 
 
 @dataclass
 class FilmFacts:
-    """All frames measured: `cuts` and `keys` are indices; flickers by frame, None if unknown."""
+    """All frames measured: `cuts` and `keys` are indices; flickers by frame, None if unknown.
+
+    Flicker is the mean absolute change from the frame before along the motion between them, 0 for
+    the first frame of a shot.
+    """
 
     frames: list[FrameFacts]
     light: Light
@@ -100,7 +106,8 @@ def measure(
         tuple(float(p) for p in percentiles),
         float(np.mean(luminance >= 0.98 * peak_nits / white_nits)), broken,
         counts.astype(np.float64), None if map_small is None else float(map_small.mean()),
-        map_small, _gain(picture, luminance), _tiny(picture, luminance, map_width),
+        map_small, _gain(picture, luminance), _grey(luminance),
+        _tiny(picture, luminance, map_width),
     )  # fmt: skip
 
 
@@ -118,18 +125,30 @@ def film_facts(frames: Sequence[FrameFacts], key_interval: int) -> FilmFacts:
             facts.cuts.append(index)
         if placed.is_key:
             facts.keys.append(index)
-    facts.map_flicker = _flicker([frame.map_small for frame in frames])
-    facts.gain_flicker = _flicker([frame.gain_small for frame in frames])
+    maps, gains = [0.0], [0.0]
+    for before, after in pairwise(facts.frames):
+        follows = after.index == before.index + 1 and after.index not in facts.cuts
+        changed = _changes(before, after) if follows else (0.0, 0.0)
+        maps.append(changed[0])
+        gains.append(changed[1])
+    facts.map_flicker = maps if all(f.map_small is not None for f in frames) else None
+    facts.gain_flicker = gains if all(f.gain_small is not None for f in frames) else None
     return facts
 
 
-def _flicker(pictures: Sequence[Float32 | None]) -> list[float] | None:
-    """Mean absolute change from the frame before, 0 for the first."""
-    known = [picture for picture in pictures if picture is not None]
-    if len(known) != len(pictures) or not known:
-        return None
-    changes = (float(np.mean(np.abs(b - a))) for a, b in pairwise(known))
-    return [0.0, *changes]
+def _changes(before: FrameFacts, after: FrameFacts) -> tuple[float, float]:
+    """Mean absolute changes of map and gain along motion; 0 where unknown."""
+    if before.grey is None or after.grey is None:
+        return 0.0, 0.0
+    flow, valid = flicker.estimated_flow(after.grey, before.grey)
+    pairs = ((before.map_small, after.map_small), (before.gain_small, after.gain_small))
+    changes = [
+        0.0
+        if a is None or b is None or not valid.any()
+        else flicker.change_along(a, b, flow, valid)
+        for a, b in pairs
+    ]
+    return changes[0], changes[1]
 
 
 def _small(plane: Float32) -> Float32:
@@ -148,6 +167,12 @@ def _gain(picture: Picture, luminance: Float32) -> Float32 | None:
     r, g, b = colour.luminance_weights(picture.source.encoding.primaries)
     before = _small(np.asarray(red * r + green * g + blue * b, np.float32))
     return np.log2((_small(luminance) + np.float32(1e-3)) / (before + np.float32(1e-3)))
+
+
+def _grey(luminance: Float32) -> Code:
+    """The result in SDR's range as 8-bit codes, small: what motion is found from."""
+    code = np.clip(_small(luminance), 0, 1) ** np.float32(1 / 2.4)
+    return np.asarray(np.rint(255 * code), np.uint8)
 
 
 def _tiny(picture: Picture, luminance: Float32, map_width: int) -> Float32:

@@ -179,10 +179,10 @@ def _plots(facts: FilmFacts) -> list[plots.Drawn]:
         out.append(plots.Plot("Expand Map coverage", "% of the frame, by weight",
                               [plots.Line("coverage", coverage)], numbers, cuts, keys))  # fmt: skip
     if facts.map_flicker is not None:
-        line = plots.Line("map, change from the frame before", facts.map_flicker)
+        line = plots.Line("map, change along the motion", facts.map_flicker)
         out.append(plots.Plot("Map flicker", "0 to 1", [line], numbers, cuts, keys))
     if facts.gain_flicker is not None:
-        line = plots.Line("gain, change from the frame before", facts.gain_flicker)
+        line = plots.Line("gain, change along the motion", facts.gain_flicker)
         out.append(plots.Plot("Gain flicker", "stops", [line], numbers, cuts, keys))
     return [plots.draw(plot) for plot in out]
 
