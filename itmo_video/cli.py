@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import dataclasses
 import json
 import os
 import signal
@@ -13,12 +12,12 @@ from collections.abc import Sequence
 from types import FrameType
 from typing import TYPE_CHECKING, Any, NoReturn
 
-from itmo_video import settings as settings_module
 from itmo_video.delivery.command import add_preview
 from itmo_video.errors import ItmoError, UsageError
 from itmo_video.evaluation.command import add_evaluate
+from itmo_video.flags import add_settings, settings_of
 from itmo_video.report.command import add_report
-from itmo_video.settings import Settings, flag_name, spec_of
+from itmo_video.settings import Settings, flag_name, load_preset, preset_names, read_preset
 
 if TYPE_CHECKING:
     from itmo_video.plan import RunOptions
@@ -110,14 +109,14 @@ def _parser() -> argparse.ArgumentParser:
         "goes to its own folder OUTPUT_DIR/<stem>",
     )
     convert.add_argument("output", metavar="OUTPUT_DIR", help="the folder that the frames go to")
-    _add_settings(convert)
+    add_settings(convert)
     _add_run_options(convert)
     convert.add_argument(
         "--report", action="store_true", help="also write OUTPUT_DIR/report.html about it"
     )
     convert.set_defaults(run=_convert)
 
-    add_preview(commands, _add_settings, _settings)
+    add_preview(commands)
     add_evaluate(commands)
     add_report(commands)
     analyse = commands.add_parser(
@@ -136,7 +135,7 @@ def _parser() -> argparse.ArgumentParser:
     analyse.add_argument("--max-pixels", type=_positive, default=2**27, metavar="N")
     analyse.add_argument("--overwrite", action="store_true", help="replace FILE.json")
     analyse.add_argument("--quiet", action="store_true", help="no notices")
-    _add_settings(analyse)
+    add_settings(analyse)
     analyse.set_defaults(run=_analyse)
 
     info = commands.add_parser("info", help="what a clip says of itself and what will be assumed")
@@ -162,37 +161,6 @@ def _no_command(parser: argparse.ArgumentParser) -> Any:
         return 0
 
     return run
-
-
-def _add_settings(parser: argparse.ArgumentParser) -> None:
-    group = parser.add_argument_group("settings (each may stand in a preset's TOML, too)")
-    group.add_argument(
-        "--preset", default="default", metavar="NAME|FILE.toml",
-        help="a named set of settings that flags override (default: default)",
-    )  # fmt: skip
-    for f in dataclasses.fields(Settings):
-        spec = spec_of(f)
-        flag = f"--{flag_name(f.name)}"
-        common: dict[str, Any] = {"dest": f"set_{f.name}", "default": None}
-        text = spec.help.replace("%", "%%")
-        bounds = ""
-        if spec.lower is not None and spec.upper is not None:
-            bounds = f"; {spec.lower:g} to {spec.upper:g}"
-        if f.name == "operator_params":
-            flag, common["action"] = "--operator-param", "append"
-        if spec.kind is bool:
-            group.add_argument(flag, action=argparse.BooleanOptionalAction, help=text, **common)
-            continue
-        if isinstance(f.default, int | float | str) and not isinstance(f.default, bool):
-            bounds += f" (without a preset: {f.default})"
-        group.add_argument(
-            flag,
-            type=spec.kind if spec.kind in (int, float, str) else str,
-            choices=spec.choices or None,
-            metavar=spec.metavar,
-            help=text + bounds,
-            **common,
-        )
 
 
 def _add_run_options(parser: argparse.ArgumentParser) -> None:
@@ -239,25 +207,11 @@ def _positive(text: str) -> int:
     return value
 
 
-def _settings(args: argparse.Namespace) -> Settings:
-    overrides: dict[str, Any] = {}
-    for name, value in vars(args).items():
-        if not name.startswith("set_") or value is None:
-            continue
-        key = name.removeprefix("set_")
-        if key == "layers":
-            value = tuple(part for part in value.split(",") if part)
-        elif key == "operator_params":
-            value = dict(settings_module.named_number("operator-param", text) for text in value)
-        overrides[key] = value
-    return settings_module.make_settings(args.preset, **overrides)
-
-
 def _convert(args: argparse.Namespace) -> int:
     from itmo_video.analysis_file import read_analysis
     from itmo_video.plan import RunOptions
 
-    settings = _settings(args)
+    settings = settings_of(args)
     run = RunOptions(
         args.frames, _start_number(args), args.jobs, args.overwrite, args.update, args.durable,
         args.null, args.max_pixels, read_analysis(args.analysis) if args.analysis else None,
@@ -317,7 +271,7 @@ def _analyse(args: argparse.Namespace) -> int:
     from itmo_video import analysis_report
 
     analysis_report.analyse_to(
-        args.input, args.output, _settings(args), _start_number(args), args.max_pixels,
+        args.input, args.output, settings_of(args), _start_number(args), args.max_pixels,
         overwrite=args.overwrite, quiet=args.quiet,
     )  # fmt: skip
     return 0
@@ -345,10 +299,10 @@ def _info(args: argparse.Namespace) -> int:
 
 
 def _presets(args: argparse.Namespace) -> int:
-    for name in settings_module.preset_names():
-        content = settings_module.read_preset(name)
+    for name in preset_names():
+        content = read_preset(name)
         print(f"{name}: {content.get('description', '')}")
-        for key, value in settings_module.load_preset(name).items():
+        for key, value in load_preset(name).items():
             print(f"    {flag_name(key)} = {json.dumps(value)}")
     return 0
 

@@ -14,9 +14,9 @@ import numpy.typing as npt
 from itmo_video import colour, keyframes
 from itmo_video.analysis import Analysis, Bars, Shot, Statistics
 from itmo_video.errors import DamagedInputError, InputError
-from itmo_video.guide import analysis_guide, analysis_size
+from itmo_video.guide import analysis_size
 from itmo_video.keyframes import Analysed
-from itmo_video.model import Encoding, Frame
+from itmo_video.model import Frame
 from itmo_video.plan import input_options
 from itmo_video.reader import Clip, open_clip
 from itmo_video.render import luminance_of
@@ -69,7 +69,7 @@ class _Edges:
         self.columns: npt.NDArray[np.float64] | None = None
 
     def add(self, frame: Frame) -> None:
-        black, span = _black_and_span(frame.encoding)
+        black, span = frame.encoding.black_and_span
         planes = _luma_planes(frame)
         rows = (np.max([p.max(axis=1) for p in planes], axis=0) - black) / span
         columns = (np.max([p.max(axis=0) for p in planes], axis=0) - black) / span
@@ -155,7 +155,7 @@ def _looked_at(
     before: Analysed | None = None
     try:
         for frame in clip.frames():
-            analysed = keyframes.analyse_frame(frame, analysis_guide(frame, settings.map_width))
+            analysed = keyframes.analyse_frame(frame, settings.map_width)
             tally = _tally(frame, settings.map_width)
             if before is not None and before.index + 1 == frame.index:
                 tally.change, tally.changes = keyframes.difference(before, analysed), 1
@@ -178,7 +178,7 @@ def _tally(frame: Frame, map_width: int) -> _Tally:
     bins = np.minimum(luminance ** (1 / _GAMMA) * _BINS, _BINS - 1).astype(np.int64)
     tally.histogram = np.bincount(bins.ravel(), minlength=_BINS)
     tally.total, tally.maximum = float(luminance.mean(dtype=np.float64)), float(luminance.max())
-    black, span = _black_and_span(frame.encoding)
+    black, span = frame.encoding.black_and_span
     masks = [p >= black + _CLIPPED * span for p in _luma_planes(frame)]
     tally.clipped = float(np.count_nonzero(np.logical_or.reduce(masks)) / masks[0].size)
     return tally
@@ -186,11 +186,3 @@ def _tally(frame: Frame, map_width: int) -> _Tally:
 
 def _luma_planes(frame: Frame) -> list[npt.NDArray[np.integer]]:
     return list(frame.planes[: 3 if frame.encoding.family == "rgb" else 1])
-
-
-def _black_and_span(encoding: Encoding) -> tuple[float, float]:
-    """Code of black, and how many codes white is above it."""
-    if encoding.range == "limited" and encoding.family != "rgb":
-        step = 2.0 ** (encoding.bit_depth - 8)
-        return 16 * step, 219 * step
-    return 0.0, 2.0**encoding.bit_depth - 1

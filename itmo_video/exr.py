@@ -27,7 +27,7 @@ import numpy.typing as npt
 from itmo_video import colour
 from itmo_video.atomic import StrPath, write_parts, write_whole
 from itmo_video.errors import InputError
-from itmo_video.exr_chunks import DamageError, check_chunks, parse_header, with_window
+from itmo_video.exr_chunks import DamageError, check_chunks, with_window
 from itmo_video.exr_scanlines import BLOCK_LINES, scanline_file
 from itmo_video.model import Float32, Half
 
@@ -46,7 +46,6 @@ _CONSTANTS = {
     "htj2k": "HTJ2K256_COMPRESSION",
     "zstd": "ZSTD_COMPRESSION",
 }
-COMPRESSION_NAMES = tuple(_CONSTANTS)
 AP0: Chromaticities = (0.7347, 0.2653, 0.0, 1.0, 0.0001, -0.077, 0.32168, 0.33767)
 
 _NO_LAYERS: Mapping[str, Half | Float32] = MappingProxyType({})
@@ -164,21 +163,6 @@ def is_whole(path: StrPath) -> bool:
     except InputError:
         return False
     return True
-
-
-def read_fingerprint(path: StrPath) -> str | None:
-    """Read the fingerprint from the header of `path`; None when there is none or no header."""
-    try:
-        with open(path, "rb") as file:
-            data = file.read(1 << 16)
-            try:
-                attributes, _ = parse_header(data)
-            except DamageError:  # perhaps only longer than a first look
-                attributes, _ = parse_header(data + file.read(1 << 24))
-    except (OSError, DamageError):
-        return None
-    kind, value = attributes.get("itmoFingerprint", ("", b""))
-    return value.decode("utf-8", "replace") if kind == "string" else None
 
 
 def _checked_channels(

@@ -32,11 +32,7 @@ def analysis_size(width: int, height: int, map_width: int) -> tuple[int, int]:
 def guide_codes(frame: Frame, size: tuple[int, int] | None = None, rows: slice = _ALL) -> Float32:
     """Luma code, 0 black to 1 white, unclipped: float32 (H, W), area-averaged to `size`."""
     encoding = frame.encoding
-    top = float(2**encoding.bit_depth - 1)
-    black, span = 0.0, top
-    if encoding.range == "limited" and encoding.family != "rgb":
-        step = 2.0 ** (encoding.bit_depth - 8)
-        black, span = 16 * step, 219 * step
+    black, span = encoding.black_and_span
     count = 3 if encoding.family == "rgb" else 1
     weights = LUMINANCE_WEIGHTS if count == 3 else (1.0,)
     total: Float32 | None = None

@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 
 from itmo_video import warp
-from itmo_video.guide import grey_of
+from itmo_video.guide import analysis_guide, grey_of
 from itmo_video.model import Code, Float32, Frame
 
 CUT_REACH = 3  # frames to either side that decide about a cut; also the longest flash
@@ -94,8 +94,9 @@ def lead_in(key_interval: int, smooth_keys: int) -> tuple[int, int]:
     return keys, keys + 2 * (CUT_REACH + 1)
 
 
-def analyse_frame(frame: Frame, guide: Float32) -> Analysed:
-    """An Analysed from a frame and its luma codes at analysis size."""
+def analyse_frame(frame: Frame, map_width: int) -> Analysed:
+    """A frame with its pictures at analysis size, at most `map_width` wide."""
+    guide = analysis_guide(frame, map_width)
     grey = grey_of(guide)
     tiny = cv2.resize(grey, TINY_SIZE, interpolation=cv2.INTER_AREA).astype(np.float32)
     return Analysed(frame, guide, grey, tiny / np.float32(255))

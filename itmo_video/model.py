@@ -44,6 +44,14 @@ class Encoding:
     has_alpha: bool = False
     origins: Mapping[str, Origin] = field(default_factory=dict)
 
+    @property
+    def black_and_span(self) -> tuple[float, float]:
+        """Code of black, and how many codes white is above it; of luma, grey or RGB."""
+        if self.range == "limited" and self.family != "rgb":
+            step = 2.0 ** (self.bit_depth - 8)
+            return 16 * step, 219 * step
+        return 0.0, 2.0**self.bit_depth - 1
+
 
 @dataclass(frozen=True)
 class ClipInfo:

@@ -12,7 +12,7 @@ import cv2
 
 from itmo_video import keyframes, warp
 from itmo_video.errors import DamagedInputError
-from itmo_video.guide import analysis_guide, analysis_size
+from itmo_video.guide import analysis_size
 from itmo_video.keyframes import Analysed, Span
 from itmo_video.model import Float32, Frame
 from itmo_video.reader import Clip
@@ -90,7 +90,7 @@ def memory_bound_bytes(width: int, height: int, bytes_per_code: int, look: Look,
 def analysed_frames(clip: Clip, run: Run, look: Look) -> Iterator[Analysed]:
     """Decode from the run's start, each frame with its pictures at analysis size."""
     for frame in clip.frames(run.start):
-        yield keyframes.analyse_frame(frame, analysis_guide(frame, look.settings.map_width))
+        yield keyframes.analyse_frame(frame, look.settings.map_width)
 
 
 def spans_of(

@@ -9,11 +9,10 @@ from dataclasses import dataclass, field
 from fractions import Fraction
 from importlib import resources
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 from itmo_video.errors import UsageError
 
-Scope = Literal["pixels", "file"]
 COMPRESSIONS = (
     "none", "rle", "zips", "zip", "piz", "pxr24", "b44", "dwaa", "dwab", "htj2k", "zstd",
 )  # fmt: skip
@@ -31,7 +30,6 @@ class Spec:
     upper: float | None = None
     choices: tuple[str, ...] = ()
     metavar: str | None = None
-    scope: Scope = "pixels"
 
     def check(self, name: str, value: object) -> object:
         """The value, converted to its kind; raises UsageError where it is out of bounds."""
@@ -151,13 +149,11 @@ class Settings:
         None, str, "resample to this constant frame rate: 25, 23.976, 24000/1001", metavar="N"
     )
     force_sdr: bool = setting(False, bool, "treat a source that is tagged HDR as plain SDR")
-    primaries: str = setting(
-        "rec709", str, "primaries of the output", choices=OUTPUT_PRIMARIES, scope="file"
-    )
-    compression: str = setting("zip", str, "EXR compression", choices=COMPRESSIONS, scope="file")
+    primaries: str = setting("rec709", str, "primaries of the output", choices=OUTPUT_PRIMARIES)
+    compression: str = setting("zip", str, "EXR compression", choices=COMPRESSIONS)
     layers: tuple[str, ...] = setting(
         (), tuple, f"extra EXR layers, comma-separated: {', '.join(LAYERS)}",
-        metavar="NAME,...", scope="file",
+        metavar="NAME,...",
     )  # fmt: skip
 
     def __post_init__(self) -> None:

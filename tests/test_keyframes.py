@@ -5,7 +5,6 @@ from __future__ import annotations
 from fractions import Fraction
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 from clips import moving_scene
 
@@ -16,15 +15,11 @@ from itmo_video.model import Encoding, Float32, Frame
 GREY = Encoding("grey", 8, "bt709", "full", "srgb", "rec709")
 
 
-def codes_of(grey: npt.NDArray[np.uint8]) -> Float32:
-    return grey.astype(np.float32) / 255
-
-
 def analysed(count: int, cuts: tuple[int, ...] = (), flash: tuple[int, ...] = ()) -> list[Analysed]:
     frames = []
     for n, rgb in enumerate(moving_scene(count, cuts=cuts)):
         grey = np.full(rgb.shape[:2], 250, np.uint8) if n in flash else rgb[..., 1].copy()
-        frames.append(analyse_frame(Frame(n, Fraction(n, 24), (grey,), GREY), codes_of(grey)))
+        frames.append(analyse_frame(Frame(n, Fraction(n, 24), (grey,), GREY), 512))
     return frames
 
 
@@ -45,7 +40,7 @@ def test_a_flash_is_not_a_cut(flash: tuple[int, ...]) -> None:
 def test_a_black_frame_between_two_shots_makes_two_cuts() -> None:
     frames = analysed(30, (15,))
     black = np.zeros_like(frames[0].grey)
-    frames[14] = analyse_frame(Frame(14, Fraction(14, 24), (black,), GREY), codes_of(black))
+    frames[14] = analyse_frame(Frame(14, Fraction(14, 24), (black,), GREY), 512)
     assert shots(frames) == [0, 14, 15]
 
 
@@ -108,7 +103,7 @@ def _small(frames: list[Analysed]) -> list[Analysed]:
     out = []
     for f in frames:
         grey = (f.tiny * 255).astype(np.uint8)
-        out.append(Analysed(f.frame, codes_of(grey), grey, f.tiny))
+        out.append(Analysed(f.frame, f.guide, grey, f.tiny))
     return out
 
 

@@ -7,12 +7,12 @@ from pathlib import Path
 import pytest
 
 from itmo_video import RunOptions, conversion, convert, make_settings, space
-from itmo_video.exr import COMPRESSION_NAMES
+from itmo_video.settings import COMPRESSIONS
 
 CLIP = Path(__file__).parents[1] / "sample_clips" / "night_street.mp4"
 
 
-@pytest.mark.parametrize("compression", COMPRESSION_NAMES)
+@pytest.mark.parametrize("compression", COMPRESSIONS)
 def test_a_real_frame_takes_about_as_much(compression: str, tmp_path: Path) -> None:
     settings = make_settings("default", lights=64, compression=compression)
     summary = convert(CLIP, tmp_path, settings, RunOptions(frames="1-2"))

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from itmo_video.flags import add_settings, settings_of
 from itmo_video.settings import Settings
 
 EXAMPLES = """\
@@ -19,12 +19,8 @@ examples:
 """
 
 
-def add_preview(
-    commands: Any,
-    add_settings: Callable[[argparse.ArgumentParser], None],
-    settings_of: Callable[[argparse.Namespace], Settings],
-) -> None:
-    """Add the subcommand; `add_settings` and `settings_of` are those of `convert`."""
+def add_preview(commands: Any) -> None:
+    """Add the subcommand, with the settings' flags as `convert` has them."""
     parser = commands.add_parser(
         "preview",
         help="a film or still to look at, from a clip or from a converted folder",

@@ -29,7 +29,6 @@ from itmo_video.plan import RunOptions
 from itmo_video.settings import Settings
 
 View = Literal["hdr10", "hlg", "sdr", "compare", "false-colour", "ladder"]
-VIEWS: tuple[View, ...] = ("hdr10", "hlg", "sdr", "compare", "false-colour", "ladder")
 STILLS = (".avif", ".png", ".jpg", ".jpeg")
 
 

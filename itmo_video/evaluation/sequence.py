@@ -23,7 +23,7 @@ from itmo_video.evaluation.folders import (
     open_source,
 )
 from itmo_video.exr import read_exr
-from itmo_video.guide import analysis_guide, analysis_size
+from itmo_video.guide import analysis_size
 from itmo_video.model import Code, Float32
 from itmo_video.reader import Clip
 
@@ -153,7 +153,7 @@ def _frames(sequence: ExrSequence, source: Path) -> Iterator[_Seen]:
 
 def _analysed(clip: Clip, start: int, map_width: int) -> Iterator[keyframes.Analysed]:
     for frame in clip.frames(start):
-        yield keyframes.analyse_frame(frame, analysis_guide(frame, map_width))
+        yield keyframes.analyse_frame(frame, map_width)
 
 
 def _small(values: Float32, width: int, height: int) -> Float32:

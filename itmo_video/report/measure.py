@@ -15,7 +15,7 @@ from itmo_video.delivery import hdr
 from itmo_video.delivery.hdr import Light
 from itmo_video.delivery.pictures import Picture
 from itmo_video.evaluation import flicker
-from itmo_video.guide import analysis_guide, analysis_size
+from itmo_video.guide import analysis_size
 from itmo_video.keyframes import Analysed
 from itmo_video.model import Code, Encoding, Float32, Float64, Frame
 
@@ -177,8 +177,7 @@ def _grey(luminance: Float32) -> Code:
 
 def _tiny(picture: Picture, luminance: Float32, map_width: int) -> Float32:
     if picture.source is not None:
-        guide = analysis_guide(picture.source, map_width)
-        return keyframes.analyse_frame(picture.source, guide).tiny
+        return keyframes.analyse_frame(picture.source, map_width).tiny
     # Without the source the result's own lower tones, which the operators leave nearly alone.
     code = np.clip(luminance, 0, 1) ** np.float32(1 / 2.4)
     return np.asarray(cv2.resize(code, keyframes.TINY_SIZE, interpolation=cv2.INTER_AREA))

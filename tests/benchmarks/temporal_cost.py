@@ -23,14 +23,14 @@ from against_ffmpeg import make_clip
 from itmo_video import RunOptions, convert, guide, keyframes, make_settings, pipeline, warp
 
 PARTS: dict[str, tuple[tuple[Any, str], ...]] = {
-    "analysis picture": ((pipeline, "analysis_guide"), (keyframes, "analyse_frame")),
+    "analysis picture": ((keyframes, "analyse_frame"),),
     "key maps": ((pipeline, "make_key_map"),),
     "smoothing over keys, with flow from key to key": (
         (keyframes, "smooth_map"),
         (warp, "flow_px"),  # those within tracking count there
     ),
     "tracking, with flow to both keys": ((warp, "track_map"),),
-    "noise guard": ((guide.NoiseGuard, "__init__"), (guide.NoiseGuard, "smooth")),
+    "noise guard": ((guide.NoiseGuard, "__init__"), (guide.NoiseGuard, "ratio")),
 }
 
 
