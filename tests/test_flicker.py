@@ -41,9 +41,12 @@ def test_estimated_flow_finds_a_pan() -> None:
 def test_noise_gain_of_a_power_is_its_exponent() -> None:
     rng = np.random.default_rng(2)
     sdr = (0.8 * (1 + rng.normal(0, 0.01, (80, 80)))).astype(np.float32)
-    assert flicker.noise_gain(sdr**2, sdr) == pytest.approx(2, rel=0.01)
-    assert flicker.noise_gain(sdr * 3, sdr) == pytest.approx(1, rel=0.01)
-    assert math.isnan(flicker.noise_gain(sdr, np.full_like(sdr, 0.1))), "no highlights there"
+    assert flicker.noise_gain(sdr**2, sdr, sdr) == pytest.approx(2, rel=0.01)
+    assert flicker.noise_gain(sdr * 3, sdr, sdr) == pytest.approx(1, rel=0.01)
+    dark = np.full_like(sdr, 0.1)
+    assert math.isnan(flicker.noise_gain(sdr, dark, dark)), "no highlights there"
+    clipped = np.ones_like(sdr)
+    assert math.isnan(flicker.noise_gain(sdr**2, sdr, clipped)), "a channel's grain is cut off"
 
 
 def test_log_gain_and_background() -> None:

@@ -21,7 +21,7 @@ CONSISTENT_PX = 1.0  # forward and backward flow must meet this closely
 DARK = 1e-3  # of SDR white: below, a gain is noise
 HIGHLIGHT = 0.5  # of SDR white
 FLAT = 0.03  # relative deviation within a window up to which a highlight counts as flat
-CLIPPED = 0.995
+CLIPPED = 0.98  # of a channel: compression lets clipped areas waver
 LEAST_GRAIN = 1e-3  # stops
 WINDOW_PX = 9
 
@@ -64,18 +64,19 @@ def background_level(gain_stops: Float32, sdr: Float32) -> float:
     return float(gain_stops[sdr <= np.median(sdr)].mean(dtype=np.float64))
 
 
-def noise_gain(hdr: Float32, sdr: Float32) -> float:
+def noise_gain(hdr: Float32, sdr: Float32, greatest: Float32) -> float:
     """Grain of log2 luminance in flat highlights after over before; NaN where there are none.
 
-    The median over windows that are flat before; clipped ones have no grain and do not count. Grain
-    is what differs from the pixels beside it, so that a smooth rise of the gain is none.
+    The median over windows that are flat before; where a pixel's `greatest` channel (of SDR,
+    linear) clips, its grain is cut off, and the window does not count. Grain is what differs from
+    the pixels beside it, so that a smooth rise of the gain is none.
     """
     before, after = (np.log2(np.maximum(x, 1e-6)).astype(np.float64) for x in (sdr, hdr))
     deviation_before = _deviation(before)
     grain_before, grain_after = (_deviation(x - cv2.blur(x, (3, 3))) for x in (before, after))
     mean = cv2.blur(sdr, (WINDOW_PX, WINDOW_PX))
     limit = FLAT / math.log(2)
-    most = cv2.dilate(sdr, np.ones((WINDOW_PX, WINDOW_PX)))
+    most = cv2.dilate(greatest, np.ones((WINDOW_PX, WINDOW_PX)))
     flat = (mean > HIGHLIGHT) & (most < CLIPPED) & (deviation_before < limit)
     flat &= grain_before > LEAST_GRAIN
     flat[: WINDOW_PX // 2] = flat[-(WINDOW_PX // 2) :] = False

@@ -128,7 +128,8 @@ def _frames(sequence: ExrSequence, source: Path) -> Iterator[_Seen]:
             unseen.discard(frame.index)
             path = files[frame.index]
             image = read_exr(path)
-            sdr, hdr = luminance(frame_rgb(frame.frame)), luminance(exr_rgb(image, path))
+            before = frame_rgb(frame.frame)
+            sdr, hdr = luminance(before), luminance(exr_rgb(image, path))
             if hdr.shape != sdr.shape:
                 raise InputError(f"its size is not the clip's {sdr.shape[::-1]}", where=str(path))
             gain = flicker.log_gain(hdr, sdr)
@@ -139,7 +140,7 @@ def _frames(sequence: ExrSequence, source: Path) -> Iterator[_Seen]:
                 _small(gain, width, height),
                 None if weight is None else _small(weight.astype(np.float32), width, height),
                 flicker.background_level(gain, sdr),
-                flicker.noise_gain(hdr, sdr),
+                flicker.noise_gain(hdr, sdr, before.max(axis=2)),
                 starts_shot,
             )
             starts_shot = False
