@@ -75,7 +75,7 @@ def to_nits_2020(
 
     `primaries` are names of colour.CHROMATICITIES; three float32 planes of the input's shape.
     """
-    planes = [cv2.multiply(plane, 1.0, dtype=cv2.CV_32F) for plane in rgb]
+    planes = [cv2.subtract(plane, 0.0, dtype=cv2.CV_32F) for plane in rgb]  # the quickest way
     matrix = colour.rgb_to_rgb_matrix(primaries, "rec2020") * white_nits
     out = []
     for red, green, blue in matrix.tolist():
@@ -218,7 +218,7 @@ def _hlg_scene(nits: Planes, peak_nits: float) -> Planes:
 
 
 def _half_bits(plane: Float32) -> npt.NDArray[np.uint16]:
-    half = cv2.multiply(plane, 1.0, dtype=cv2.CV_16F).reshape(plane.shape)
+    half = cv2.subtract(plane, 0.0, dtype=cv2.CV_16F).reshape(plane.shape)
     return cast(npt.NDArray[np.uint16], half.view(np.uint16))
 
 
@@ -247,10 +247,11 @@ def _quantised(plane: Any, scale: float, offset: float, index: int, salt: int, r
     x = (index * 97 + salt * 31) % _NOISE_TILE
     y = (index * 57 + salt * 83 + row) % _NOISE_TILE
     window = noise[y : y + height, x : x + width]
-    codes = cv2.scaleAdd(plane, scale, window)
-    codes = cv2.add(codes, offset)
+    codes = np.asarray(cv2.scaleAdd(plane, scale, window))
+    codes += np.float32(offset)
     # 0 to 3 and 1020 to 1023 are for synchronisation in 10-bit video.
-    return np.asarray(cv2.multiply(cv2.min(cv2.max(codes, 4.0), 1019.0), 1.0, dtype=cv2.CV_16U))
+    np.clip(codes, np.float32(4), np.float32(1019), out=codes)
+    return np.asarray(np.rint(codes, out=codes), np.uint16)
 
 
 @functools.lru_cache(maxsize=4)
