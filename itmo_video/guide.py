@@ -6,8 +6,11 @@ up a strip of rows at a time, so any strip gives the bytes of the whole frame.
 
 from __future__ import annotations
 
+from typing import Any, TypeVar, cast
+
 import cv2
 import numpy as np
+import numpy.typing as npt
 
 from itmo_video import expand_map
 from itmo_video.model import Code, Float32, Frame
@@ -20,6 +23,7 @@ GRAIN_EPSILON = 4e-4  # contrasts below this, 2 % of the code range, count as gr
 GRAIN_RADIUS_PX = 3  # at analysis size
 GAMMA = 2.4  # how luminance goes with the code, for small differences
 _ALL = slice(None)
+Plane = TypeVar("Plane", Code, Float32)
 
 
 def analysis_size(width: int, height: int, map_width: int) -> tuple[int, int]:
@@ -39,7 +43,7 @@ def guide_codes(frame: Frame, size: tuple[int, int] | None = None, rows: slice =
     for plane, weight in zip(frame.planes[0:count], weights, strict=True):
         codes = plane[rows]
         if size is not None and (codes.shape[1], codes.shape[0]) != size:
-            codes = _averaged(codes, size)
+            codes = averaged(codes, size)
         part = cv2.addWeighted(
             codes, weight / span, codes, 0, -black * weight / span, dtype=cv2.CV_32F
         )
@@ -48,13 +52,18 @@ def guide_codes(frame: Frame, size: tuple[int, int] | None = None, rows: slice =
     return np.asarray(total, np.float32).reshape(total.shape[:2])
 
 
-def _averaged(codes: Code, size: tuple[int, int]) -> Code:
-    """Codes averaged over areas; first halved while that goes, which cv2 does 20 times as fast."""
-    height, width = codes.shape
+def averaged(plane: Plane, size: tuple[int, int]) -> Plane:
+    """A plane (H, W) averaged over areas to (width, height).
+
+    First halved while that goes, which cv2 does 20 times as fast.
+    """
+    height, width = plane.shape
+    small: npt.NDArray[Any] = plane
     while width >= 2 * size[0] and height >= 2 * size[1] and width % 2 == 0 and height % 2 == 0:
         width, height = width // 2, height // 2
-        codes = cv2.resize(codes, (width, height), interpolation=cv2.INTER_AREA)
-    return np.asarray(cv2.resize(codes, size, interpolation=cv2.INTER_AREA))
+        small = cv2.resize(small, (width, height), interpolation=cv2.INTER_AREA)
+    small = cv2.resize(small, size, interpolation=cv2.INTER_AREA)
+    return cast(Plane, small.reshape(size[1], size[0]))
 
 
 def analysis_guide(frame: Frame, map_width: int) -> Float32:

@@ -10,7 +10,14 @@ import numpy as np
 
 from itmo_video import colour, expand_map
 from itmo_video.bars import find_bars
-from itmo_video.guide import FullMap, NoiseGuard, analysis_guide, analysis_size, strip_codes
+from itmo_video.guide import (
+    FullMap,
+    NoiseGuard,
+    analysis_guide,
+    analysis_size,
+    averaged,
+    strip_codes,
+)
 from itmo_video.median_cut import median_cut
 from itmo_video.model import Float32, Float64, Frame, Half
 from itmo_video.operators import (
@@ -124,8 +131,7 @@ def make_key_map(frame: Frame, look: Look) -> Float32:
 def _at_size(plane: Float32, width: int, height: int) -> Float32:
     if plane.shape == (height, width):
         return plane
-    small = cv2.resize(plane, (width, height), interpolation=cv2.INTER_AREA)
-    return np.asarray(np.clip(small, 0, 1).reshape(height, width), np.float32)
+    return np.clip(averaged(plane, (width, height)), 0, 1)
 
 
 def _rgb_map(frame: Frame, size: tuple[int, int], look: Look) -> Float32:
@@ -153,8 +159,8 @@ def frame_rgb_small(frame: Frame, size: tuple[int, int]) -> Float32:
         r, g, b = (plane[rows] for plane in planes)
         colour.strip_to_rgb_linear(frame, rows, True, (r, g, b))
     if size != frame.size:
-        planes = [cv2.resize(p, size, interpolation=cv2.INTER_AREA) for p in planes]
-    small = np.stack([plane.reshape(size[1], size[0]) for plane in planes], axis=-1)
+        planes = [averaged(plane, size) for plane in planes]
+    small = np.stack(planes, axis=-1)
     return np.clip(small, 0, 1, out=small)
 
 
