@@ -56,9 +56,9 @@ def feed(paths: list[Path], seed: int, queue: mp.Queue, batch: int) -> None:
 
 
 def scaled_errors(error: Tensor) -> Tensor:
-    """Log of the mean squared error (b, c, h, w), c summed, at three scales, summed: (b,)."""
+    """Log of the mean squared error (b, c, h, w), c summed, at four scales, summed: (b,)."""
     loss = torch.zeros(len(error))
-    for scale, share in ((1, 1.0), (4, 0.6), (16, 0.4)):
+    for scale, share in ((1, 1.0), (4, 0.6), (16, 0.4), (64, 0.3)):
         e = functional.avg_pool2d(error, scale) if scale > 1 else error
         loss = loss + share * torch.log(e.square().sum(1).flatten(1).mean(1) + 1e-6)
     return loss

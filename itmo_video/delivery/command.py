@@ -72,7 +72,7 @@ def add_preview(commands: Any) -> None:
     coding.add_argument(
         "--speed",
         metavar="PRESET",
-        help="the encoder's preset (av1: 6 of 0 slow to 13; hevc: fast)",
+        help="the encoder's preset (av1: 5 of 0 slow to 13; hevc: fast)",
     )
     add_settings(parser)
     group = parser.add_argument_group("run")

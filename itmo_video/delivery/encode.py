@@ -37,7 +37,7 @@ _CODE_POINTS: dict[str, tuple[int, int, int]] = {
 }
 DEFAULT_CRF: dict[str, int] = {"av1": 25, "hevc": 18}
 HIGH_CRF: dict[str, float] = {"av1": 1, "hevc": 1}  # nits within 2 % in the median, dark ones too
-DEFAULT_SPEED: dict[str, str] = {"av1": "6", "hevc": "fast"}
+DEFAULT_SPEED: dict[str, str] = {"av1": "5", "hevc": "fast"}
 
 
 @dataclass(frozen=True)
@@ -255,7 +255,7 @@ def encode_avif(planes: YCbCr, crf: float) -> bytes:
     height, width = planes[0].shape
     with av.open(target, "w", format="avif") as box:
         stream: Any = box.add_stream(
-            "libsvtav1", rate=Fraction(1), options={"crf": f"{crf:g}", "preset": "6"}
+            "libsvtav1", rate=Fraction(1), options={"crf": f"{crf:g}", "preset": DEFAULT_SPEED["av1"]}
         )
         stream.width, stream.height, stream.pix_fmt = width, height, "yuv420p10le"
         _tag(stream.codec_context, "pq")
