@@ -255,7 +255,9 @@ def encode_avif(planes: YCbCr, crf: float) -> bytes:
     height, width = planes[0].shape
     with av.open(target, "w", format="avif") as box:
         stream: Any = box.add_stream(
-            "libsvtav1", rate=Fraction(1), options={"crf": f"{crf:g}", "preset": DEFAULT_SPEED["av1"]}
+            "libsvtav1",
+            rate=Fraction(1),
+            options={"crf": f"{crf:g}", "preset": DEFAULT_SPEED["av1"]},
         )
         stream.width, stream.height, stream.pix_fmt = width, height, "yuv420p10le"
         _tag(stream.codec_context, "pq")
