@@ -11,7 +11,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from itmo_video import RunOptions, colour, convert, open_clip, read_exr
+from itmo_video import RunOptions, convert, linear_light, open_clip, read_exr
 
 ROOT = Path(__file__).resolve().parent.parent
 FRAME = 24
@@ -58,7 +58,7 @@ def main() -> None:
         channels = read_exr(Path(folder) / f"night_street.{FRAME + 1:04d}.exr").channels
     expanded = np.dstack([channels[c].astype(np.float32) for c in "RGB"])
     with open_clip(clip) as opened:
-        sdr = np.dstack(colour.to_rgb_linear(next(opened.frames(FRAME)), clip=True))
+        sdr = np.dstack(linear_light.to_rgb_linear(next(opened.frames(FRAME)), clip=True))
     truth = next(islice(scene_frames("night_street"), FRAME, None))
     picture = (np.clip(sdr, 0, 1) ** (1 / 2.4) * 255).astype(np.uint8)[..., ::-1]
     upper = [labelled(picture, "the SDR clip"), labelled(false_colour(sdr), "before, in stops")]

@@ -13,9 +13,9 @@ from itmo_video.conversion import Job, Summary, frames_to_make, render_job
 from itmo_video.errors import ClusterError, DamagedInputError, InputError, ItmoError, OutputError
 from itmo_video.folder import OutputFolder, read_manifest
 from itmo_video.frame_ranges import format_ranges
+from itmo_video.look import make_look
 from itmo_video.plan import ALGORITHM, RunOptions, input_options, make_plan
 from itmo_video.reader import Clip, open_clip
-from itmo_video.render import make_look
 from itmo_video.settings import Settings
 from itmo_video.tags import InputOptions
 

@@ -11,15 +11,15 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from itmo_video import colour, keyframes
+from itmo_video import keyframes, linear_light
 from itmo_video.analysis import Analysis, Bars, Shot, Statistics
 from itmo_video.errors import DamagedInputError, InputError
 from itmo_video.guide import analysis_size
 from itmo_video.keyframes import Analysed
+from itmo_video.luminance import luminance_of
 from itmo_video.model import Frame
 from itmo_video.plan import input_options
 from itmo_video.reader import Clip, open_clip
-from itmo_video.render import luminance_of
 from itmo_video.settings import Settings
 from itmo_video.suggestions import suggestions
 
@@ -174,7 +174,7 @@ def _tally(frame: Frame, map_width: int) -> _Tally:
     size = analysis_size(*frame.size, map_width)
     planes = tuple(cv2.resize(p, size, interpolation=cv2.INTER_AREA) for p in frame.planes)
     small = replace(frame, planes=planes)
-    luminance = np.clip(luminance_of(colour.to_rgb_linear(small, clip=True)), 0, 1)
+    luminance = np.clip(luminance_of(linear_light.to_rgb_linear(small, clip=True)), 0, 1)
     bins = np.minimum(luminance ** (1 / _GAMMA) * _BINS, _BINS - 1).astype(np.int64)
     tally.histogram = np.bincount(bins.ravel(), minlength=_BINS)
     tally.total, tally.maximum = float(luminance.mean(dtype=np.float64)), float(luminance.max())

@@ -14,10 +14,11 @@ from itmo_video import exr, pipeline, space
 from itmo_video.errors import CheckFailedError, DamagedInputError, OutputError
 from itmo_video.folder import OutputFolder, free_bytes
 from itmo_video.frame_ranges import format_ranges
+from itmo_video.look import make_look
 from itmo_video.model import Frame
 from itmo_video.plan import Plan, RunOptions, exr_header, input_options, keys_on_grid, make_plan
 from itmo_video.reader import Clip, open_clip
-from itmo_video.render import Rendered, make_look
+from itmo_video.render import Rendered
 from itmo_video.settings import Settings
 
 Event = Mapping[str, Any]

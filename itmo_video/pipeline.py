@@ -13,10 +13,12 @@ import cv2
 from itmo_video import keyframes, warp
 from itmo_video.errors import DamagedInputError
 from itmo_video.guide import analysis_size
+from itmo_video.key_map import make_key_map
 from itmo_video.keyframes import Analysed, Span
+from itmo_video.look import Look
 from itmo_video.model import Float32, Frame
 from itmo_video.reader import Clip
-from itmo_video.render import Look, Rendered, make_key_map, render
+from itmo_video.render import Rendered, render
 
 Sink = Callable[[Frame, Rendered], None]
 LookAt = Callable[[int], Look]

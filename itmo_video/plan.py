@@ -17,10 +17,10 @@ from itmo_video.analysis import Analysis
 from itmo_video.errors import UsageError
 from itmo_video.folder import Manifest
 from itmo_video.frame_ranges import format_ranges, parse_ranges
+from itmo_video.look import Look, make_look
 from itmo_video.model import ClipInfo
 from itmo_video.operators import version_of
 from itmo_video.reader import Clip
-from itmo_video.render import Look, make_look
 from itmo_video.settings import Settings
 from itmo_video.tags import InputOptions
 

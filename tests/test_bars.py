@@ -53,8 +53,9 @@ def test_what_is_no_bar(kind: str) -> None:
 def test_a_boxed_picture_has_the_map_of_the_picture_alone() -> None:
     from fractions import Fraction
 
+    from itmo_video.key_map import make_key_map
+    from itmo_video.look import make_look
     from itmo_video.model import Encoding, Frame
-    from itmo_video.render import make_key_map, make_look
     from itmo_video.settings import make_settings
 
     encoding = Encoding("grey", 8, "bt709", "full", "srgb", "rec709")

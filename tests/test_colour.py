@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 import pytest
 
-from itmo_video import colour
+from itmo_video import chroma, colour, linear_light
 from itmo_video.model import ChromaSiting, Encoding, Frame
 
 RATIO = {"420": (2, 2), "422": (2, 1), "440": (1, 2), "444": (1, 1)}
@@ -55,14 +55,14 @@ def reference_code(frame):
     step = 2.0 ** (enc.bit_depth - 8)
     top = 2.0**enc.bit_depth - 1
     y = frame.planes[0].astype(np.float64)
-    chroma = [
-        colour.upsample_chroma(p, (width, height), enc.siting) - 128 * step
+    subsampled = [
+        chroma.upsample_chroma(p, (width, height), enc.siting) - 128 * step
         for p in frame.planes[1:3]
     ]
     if enc.range == "limited":
-        ycc = [(y - 16 * step) / (219 * step), *(c / (224 * step) for c in chroma)]
+        ycc = [(y - 16 * step) / (219 * step), *(c / (224 * step) for c in subsampled)]
     else:
-        ycc = [y / top, *(c / top for c in chroma)]
+        ycc = [y / top, *(c / top for c in subsampled)]
     return np.einsum("ij,jhw->ihw", np.linalg.inv(forward), np.stack(ycc))
 
 
@@ -105,7 +105,7 @@ def test_hdr_transfers_are_refused(transfer):
     with pytest.raises(ValueError, match=transfer):
         colour.eotf(np.zeros(3), transfer)
     with pytest.raises(ValueError, match=transfer):
-        colour.to_rgb_linear(random_frame(8, 8, encoding(transfer=transfer)), clip=True)
+        linear_light.to_rgb_linear(random_frame(8, 8, encoding(transfer=transfer)), clip=True)
 
 
 # ---- primaries ----
@@ -156,7 +156,7 @@ def test_luminance_weights():
 def test_fast_chroma_equals_the_plain_one(subsampling, siting):
     for size in ((64, 48), (33, 7), (1, 1), (2, 3), (129, 81)):
         frame = random_frame(*size, encoding(siting=siting, matrix="bt601"), subsampling)
-        got = np.stack(colour.to_rgb_code(frame))
+        got = np.stack(linear_light.to_rgb_code(frame))
         np.testing.assert_allclose(got, reference_code(frame), atol=2e-6)
 
 
@@ -165,7 +165,7 @@ def test_fast_chroma_equals_the_plain_one(subsampling, siting):
 @pytest.mark.parametrize("depth", [8, 9, 10, 12, 14, 16])
 def test_codes_match_the_equations(matrix, range_, depth):
     frame = random_frame(70, 50, encoding("ycbcr", depth, matrix, range_))
-    got = np.stack(colour.to_rgb_code(frame))
+    got = np.stack(linear_light.to_rgb_code(frame))
     assert got.dtype == np.float32
     np.testing.assert_allclose(got, reference_code(frame), atol=3e-6)
 
@@ -182,7 +182,7 @@ def test_light_is_accurate_down_to_the_darkest_code(transfer, clip):
         step = 2.0 ** (depth - 8)
         x = codes / (2.0**depth - 1) if range_ == "full" else (codes / step - 16) / 219
         want = colour.eotf(np.clip(x, 0, 1) if clip else x, transfer)
-        for plane in colour.to_rgb_linear(grey, clip=clip):
+        for plane in linear_light.to_rgb_linear(grey, clip=clip):
             np.testing.assert_allclose(plane, want, rtol=1e-4, atol=1e-12)
 
 
@@ -191,7 +191,7 @@ def test_light_is_accurate_down_to_the_darkest_code(transfer, clip):
 @pytest.mark.parametrize("transfer", ["bt1886", "srgb"])
 def test_rgb_and_grey_codes_are_exact(family, depth, transfer):
     frame = random_frame(40, 50, encoding(family, depth, range_="full", transfer=transfer))
-    got = colour.to_rgb_linear(frame, clip=True)
+    got = linear_light.to_rgb_linear(frame, clip=True)
     for i, plane in enumerate(got):
         code = frame.planes[i if family == "rgb" else 0] / (2.0**depth - 1)
         np.testing.assert_allclose(plane, colour.eotf(code, transfer), rtol=2e-7)
@@ -207,17 +207,17 @@ def test_white_is_one_and_black_is_nought(depth, range_, white, black, transfer)
         planes = [np.full((4, 6), code, dtype)]
         planes += [np.full((2, 3), 2 ** (depth - 1), dtype)] * 2
         enc = encoding("ycbcr", depth, "bt709", range_, transfer)
-        for plane in colour.to_rgb_linear(frame_of(planes, enc), clip=False):
+        for plane in linear_light.to_rgb_linear(frame_of(planes, enc), clip=False):
             np.testing.assert_allclose(plane, want, atol=3e-6 * want)
 
 
 def test_values_out_of_range_are_kept_unless_clipped():
     planes = [np.array([[255, 0]], np.uint8), *[np.full((1, 1), 128, np.uint8)] * 2]
     frame = frame_of(planes, encoding())
-    (over, under), *_ = colour.to_rgb_linear(frame, clip=False)[0]
+    (over, under), *_ = linear_light.to_rgb_linear(frame, clip=False)[0]
     assert over == pytest.approx((239 / 219) ** 2.4, rel=1e-5)
     assert under == pytest.approx(-((16 / 219) ** 2.4), rel=1e-4)
-    assert colour.to_rgb_linear(frame, clip=True)[0].tolist() == [[1.0, 0.0]]
+    assert linear_light.to_rgb_linear(frame, clip=True)[0].tolist() == [[1.0, 0.0]]
 
 
 @pytest.mark.parametrize("size", [(96, 90), (100, 83), (1280, 50), (7, 45), (256, 41)])
@@ -228,11 +228,11 @@ def test_any_strip_is_the_whole_frames_rows(size, subsampling, clip):
     for transfer, siting in (("bt1886", "left"), ("srgb", "topleft"), ("bt1886", "bottom")):
         enc = encoding(transfer=transfer, siting=siting)
         frame = random_frame(*size, enc, subsampling)
-        whole = colour.to_rgb_linear(frame, clip=clip)
+        whole = linear_light.to_rgb_linear(frame, clip=clip)
         for _ in range(6):
             top, stop = sorted(rng.choice(size[1] + 1, 2, replace=False))
             out = tuple(np.empty((stop - top, size[0]), np.float32) for _ in range(3))
-            colour.strip_to_rgb_linear(frame, slice(top, stop), clip, out)
+            linear_light.strip_to_rgb_linear(frame, slice(top, stop), clip, out)
             for strip, plane in zip(out, whole, strict=True):
                 np.testing.assert_array_equal(strip, plane[top:stop])
 
@@ -243,7 +243,7 @@ def test_upsampling_finds_a_ramp_again():
     for siting, at in (("left", (0, 0.5)), ("center", (0.5, 0.5)), ("topleft", (0, 0))):
         sampled = 4 * (x[::2, ::2] + at[0]) + 8 * (y[::2, ::2] + at[1])
         plane = sampled.astype(np.uint16)
-        got = colour.upsample_chroma(plane, (64, 32), siting)
+        got = chroma.upsample_chroma(plane, (64, 32), siting)
         np.testing.assert_allclose(got[2:-2, 2:-2], (4 * x + 8 * y)[2:-2, 2:-2], atol=1e-9)
 
 
@@ -254,7 +254,7 @@ def test_results_do_not_depend_on_threads_of_cv2():
         results = []
         for count in (1, 4):
             cv2.setNumThreads(count)
-            results.append(np.stack(colour.to_rgb_linear(frame, clip=True)))
+            results.append(np.stack(linear_light.to_rgb_linear(frame, clip=True)))
     finally:
         cv2.setNumThreads(before)
     np.testing.assert_array_equal(*results)
@@ -264,4 +264,4 @@ def test_results_do_not_depend_on_threads_of_cv2():
 def test_speed_of_1080p(benchmark):
     cv2.setNumThreads(1)
     frame = random_frame(1920, 1080, encoding())
-    benchmark(colour.to_rgb_linear, frame, clip=True)
+    benchmark(linear_light.to_rgb_linear, frame, clip=True)

@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 from clips import SHARED, moving_scene, write_ffv1
 
-from itmo_video import colour, make_settings
+from itmo_video import chroma, colour, make_settings
 from itmo_video.cli import main
 from itmo_video.conversion import RunOptions, convert
 from itmo_video.delivery import hdr, metadata, sdr
@@ -73,7 +73,7 @@ def decoded_nits(path: Path, view: str) -> list[np.ndarray[Any, Any]]:
                 planes.append(rows[:, : plane.width].copy())
             size = (frame.width, frame.height)
             y = (planes[0] - 64.0) / 876
-            cb, cr = ((colour.upsample_chroma(p, size, "left") - 512) / 896 for p in planes[1:])
+            cb, cr = ((chroma.upsample_chroma(p, size, "left") - 512) / 896 for p in planes[1:])
             red, blue = y + 1.4746 * cr, y + 1.8814 * cb
             green = (y - 0.2627 * red - 0.0593 * blue) / 0.6780
             code = np.stack([red, green, blue])

@@ -15,6 +15,8 @@ from clips import moving_scene, write_ffv1
 
 from itmo_video import RunOptions, convert
 from itmo_video.errors import OutputError, UsageError
+from itmo_video.key_map import make_key_map
+from itmo_video.look import make_look
 from itmo_video.model import Encoding, Frame
 from itmo_video.operators import (
     OPERATORS,
@@ -34,7 +36,7 @@ from itmo_video.operators import (
     ward1994,
 )
 from itmo_video.operators.bilateral_grid import cross_bilateral
-from itmo_video.render import make_key_map, make_look, render
+from itmo_video.render import render
 from itmo_video.settings import Settings, make_settings
 
 DISPLAY = np.linspace(1e-4, 1, 1001)

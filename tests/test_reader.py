@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 from clips import SHARED
 
-from itmo_video import colour, planes, tags
+from itmo_video import colour, linear_light, planes, tags
 from itmo_video.errors import AlreadyHdrError, DamagedInputError, InputError
 from itmo_video.model import Encoding
 from itmo_video.probe import content_digest
@@ -156,10 +156,10 @@ def test_change_of_size_names_the_frame():
 
 def test_known_pixels():
     green = next(open_clip(shared("odd_clips/2x2-green.mp4")).frames())
-    rgb = np.stack(colour.to_rgb_code(green))[:, 0, 0] * 255
+    rgb = np.stack(linear_light.to_rgb_code(green))[:, 0, 0] * 255
     assert rgb == pytest.approx((0, 128, 0), abs=3)
     black = next(open_clip(shared("odd_clips/all_black.mp4")).frames())
-    assert np.stack(colour.to_rgb_linear(black, clip=True)).max() < 1e-5
+    assert np.stack(linear_light.to_rgb_linear(black, clip=True)).max() < 1e-5
 
 
 def test_frames_are_what_ffmpeg_decodes():
@@ -342,7 +342,7 @@ def test_bars_come_out_right(tmp_path, layout, matrix, range_, depth):
     assert set(enc.origins.values()) == {"tag"}
     for plane, codes_in in zip(frame.planes, code_planes, strict=True):
         np.testing.assert_array_equal(plane, codes_in)
-    got = np.stack(colour.to_rgb_linear(frame, clip=True), -1)
+    got = np.stack(linear_light.to_rgb_linear(frame, clip=True), -1)
     for i in range(len(BARS)):
         inner = got[4:-4, 16 * i + 4 : 16 * i + 12]
         np.testing.assert_allclose(inner, np.broadcast_to(want[i], inner.shape), atol=1 / 1023)
@@ -356,7 +356,7 @@ def test_rgb_bars_are_exact(tmp_path):
     path = write_packed(tmp_path / "rgb.mkv", "bgr0", packed, rgb.shape[1])
     frame = next(open_clip(path).frames())
     assert (frame.encoding.family, frame.encoding.transfer) == ("rgb", "srgb")
-    got = np.stack(colour.to_rgb_linear(frame, clip=True), -1)
+    got = np.stack(linear_light.to_rgb_linear(frame, clip=True), -1)
     np.testing.assert_allclose(got, colour.eotf(rgb / 255, "srgb"), atol=1e-6)
 
 
@@ -596,11 +596,11 @@ def test_turning_planes_turns_the_picture(turn, size, layout, siting):
     )
     enc = Encoding("ycbcr", 8, "bt709", "limited", "bt1886", "rec709", siting)
     frame = planes_frame(stored, enc)
-    want = np.stack(colour.to_rgb_code(frame))
+    want = np.stack(linear_light.to_rgb_code(frame))
     if turn[1]:
         want = want[:, :, ::-1]
     want = np.rot90(want, -turn[0] // 90, axes=(1, 2))
-    got = np.stack(colour.to_rgb_code(planes_frame(*planes.upright(stored, turn, enc))))
+    got = np.stack(linear_light.to_rgb_code(planes_frame(*planes.upright(stored, turn, enc))))
     np.testing.assert_allclose(got, want, atol=1e-5)
 
 
@@ -720,7 +720,7 @@ def test_jpeg_is_full_range_601(tmp_path):
     enc = clip.info.encoding
     assert (enc.family, enc.matrix, enc.range, enc.siting) == ("ycbcr", "bt601", "full", "center")
     assert enc.transfer == "srgb"
-    got = np.stack(colour.to_rgb_code(next(clip.frames())), -1) * 255
+    got = np.stack(linear_light.to_rgb_code(next(clip.frames())), -1) * 255
     np.testing.assert_allclose(got, np.broadcast_to((200, 90, 40), got.shape), atol=1.5)
 
 
@@ -740,7 +740,7 @@ def test_exif_orientation(tmp_path, orientation, size):
     clip = open_clip(path)
     frame = next(clip.frames())
     assert frame.size == clip.info.display_size == (want.shape[1], want.shape[0])
-    got = np.stack(colour.to_rgb_code(frame), -1) * 255
+    got = np.stack(linear_light.to_rgb_code(frame), -1) * 255
     assert np.abs(got - want).mean() < 3
     png = tmp_path / "a.png"
     rows = b"".join(b"\0" + row.tobytes() for row in smooth[..., ::-1])

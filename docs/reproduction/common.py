@@ -12,9 +12,11 @@ import numpy as np
 
 from itmo_video import make_settings
 from itmo_video.exr import read_exr
+from itmo_video.key_map import make_key_map
+from itmo_video.look import make_look
 from itmo_video.model import Encoding, Frame
 from itmo_video.operators import LUMINANCE_WEIGHTS
-from itmo_video.render import make_key_map, make_look, render
+from itmo_video.render import render
 
 HERE = Path(__file__).resolve().parent
 IMAGES = HERE / "images"

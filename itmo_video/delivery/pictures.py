@@ -19,10 +19,11 @@ from itmo_video.errors import InputError, UsageError
 from itmo_video.exr import ExrImage, read_exr
 from itmo_video.folder import Manifest, OutputFolder, read_manifest
 from itmo_video.frame_ranges import format_ranges, parse_ranges
+from itmo_video.look import make_look
 from itmo_video.model import Float32, Frame, Half
 from itmo_video.plan import RunOptions, input_options, make_plan
 from itmo_video.reader import Clip, frames_at, open_clip
-from itmo_video.render import Rendered, make_look
+from itmo_video.render import Rendered
 from itmo_video.settings import Settings
 
 T = TypeVar("T")

@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from itmo_video import colour
+from itmo_video import colour, linear_light
 from itmo_video.delivery import hdr
 from itmo_video.model import Float32, Frame, Half
 
@@ -106,7 +106,7 @@ def encoded(linear: Picture) -> Picture:
 
 def source_picture(frame: Frame) -> Picture:
     """A source frame as linear (H, W, 3) light in BT.709."""
-    return to_709(colour.to_rgb_linear(frame, clip=True), frame.encoding.primaries)
+    return to_709(linear_light.to_rgb_linear(frame, clip=True), frame.encoding.primaries)
 
 
 def composed(source: Picture, result: Picture, layout: Layout, wipe_at: float = 0.5) -> Picture:

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from itmo_video import colour
+from itmo_video import colour, linear_light
 from itmo_video.errors import InputError
 from itmo_video.exr import ExrImage, read_exr
 from itmo_video.folder import OutputFolder, read_manifest
@@ -120,7 +120,7 @@ def open_source(source: Path, settings: Settings) -> Clip:
 
 def frame_rgb(frame: Frame) -> Float32:
     """The picture of an SDR frame, in [0, 1] before primaries are changed."""
-    planes = colour.to_rgb_linear(frame, clip=True)
+    planes = linear_light.to_rgb_linear(frame, clip=True)
     return _to_bt709(np.dstack(planes), frame.encoding.primaries)
 
 

@@ -22,9 +22,10 @@ from itmo_video.evaluation.folders import (
     pair,
     read_rgb,
 )
+from itmo_video.look import make_look
 from itmo_video.model import Float32, Frame
 from itmo_video.reader import frames_at
-from itmo_video.render import make_look, render
+from itmo_video.render import render
 from itmo_video.settings import Settings, make_settings
 
 TEST, SDR, NAIVE = "test", "LDR probe", "naive"

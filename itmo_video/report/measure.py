@@ -10,7 +10,7 @@ from itertools import pairwise
 import cv2
 import numpy as np
 
-from itmo_video import colour, keyframes
+from itmo_video import colour, keyframes, linear_light
 from itmo_video.delivery import hdr
 from itmo_video.delivery.hdr import Light
 from itmo_video.delivery.pictures import Picture
@@ -163,7 +163,7 @@ def _gain(picture: Picture, luminance: Float32) -> Float32 | None:
         return np.log2(np.maximum(_small(np.asarray(layer, np.float32)), np.float32(1e-3)))
     if picture.source is None:
         return None
-    red, green, blue = colour.to_rgb_linear(picture.source, clip=True)
+    red, green, blue = linear_light.to_rgb_linear(picture.source, clip=True)
     r, g, b = colour.luminance_weights(picture.source.encoding.primaries)
     before = _small(np.asarray(red * r + green * g + blue * b, np.float32))
     return np.log2((_small(luminance) + np.float32(1e-3)) / (before + np.float32(1e-3)))

@@ -11,13 +11,11 @@ import pytest
 
 from itmo_video import warp
 from itmo_video.guide import FullMap, analysis_guide, grey_of, guide_codes
+from itmo_video.key_map import make_key_map
+from itmo_video.look import make_look
+from itmo_video.luminance import frame_luminance
 from itmo_video.model import Encoding, Frame
-from itmo_video.render import (
-    frame_luminance,
-    make_key_map,
-    make_look,
-    render,
-)
+from itmo_video.render import render
 from itmo_video.settings import make_settings
 
 SIZES = {"540p": (960, 540), "1080p": (1920, 1080), "2160p": (3840, 2160)}

@@ -17,9 +17,9 @@ from clips import moving_scene, write_ffv1
 
 from itmo_video import make_settings
 from itmo_video.clip import Clip
+from itmo_video.look import make_look
 from itmo_video.model import Encoding, Frame
 from itmo_video.pipeline import frames_in_flight, render_frames
-from itmo_video.render import make_look
 
 CODE = """
 import resource, sys
