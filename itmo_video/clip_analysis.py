@@ -11,11 +11,11 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from itmo_video import keyframes, linear_light
+from itmo_video import linear_light
 from itmo_video.analysis import Analysis, Bars, Shot, Statistics
+from itmo_video.cuts import Analysed, analyse_frame, difference, place
 from itmo_video.errors import DamagedInputError, InputError
 from itmo_video.guide import analysis_size
-from itmo_video.keyframes import Analysed
 from itmo_video.luminance import luminance_of
 from itmo_video.model import Frame
 from itmo_video.plan import input_options
@@ -112,7 +112,7 @@ def analyse(
         shots: list[tuple[int, int, _Tally]] = []
         keys: list[int] = []
         frames = _looked_at(clip, settings, tallies, times, edges, on_warning)
-        for placed in keyframes.place(frames, settings.key_reach, 0):
+        for placed in place(frames, settings.key_reach, 0):
             index = placed.analysed.index
             tally = tallies.pop(index)
             if placed.starts_shot:
@@ -155,10 +155,10 @@ def _looked_at(
     before: Analysed | None = None
     try:
         for frame in clip.frames():
-            analysed = keyframes.analyse_frame(frame, settings.map_width)
+            analysed = analyse_frame(frame, settings.map_width)
             tally = _tally(frame, settings.map_width)
             if before is not None and before.index + 1 == frame.index:
-                tally.change, tally.changes = keyframes.difference(before, analysed), 1
+                tally.change, tally.changes = difference(before, analysed), 1
             tallies[frame.index] = tally
             times.append(frame.time_s)
             edges.add(frame)

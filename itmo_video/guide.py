@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from itmo_video import expand_map
+from itmo_video import expand_map, upsampling
 from itmo_video.model import Code, Float32, Frame
 from itmo_video.operators import LUMINANCE_WEIGHTS
 from itmo_video.settings import Settings
@@ -123,13 +123,13 @@ class FullMap:
         pad = min(2 * radius_px, width) if self._wraps else 0
         map_around = np.pad(map_small, ((0, 0), (pad, pad)), "wrap")
         guide_around = np.pad(guide, ((0, 0), (pad, pad)), "wrap")
-        a, b = expand_map.edge_aware_coefficients(map_around, guide_around, radius_px, EDGE_EPSILON)
+        a, b = upsampling.edge_aware_coefficients(map_around, guide_around, radius_px, EDGE_EPSILON)
         return a[:, pad : pad + width], b[:, pad : pad + width]
 
     def rows(self, rows: slice, codes: Float32 | None) -> list[Float32]:
         """Rows of the maps at full size, float32 in [0, 1]; `codes` are the rows' soft codes."""
         width, height = self._frame.size
-        full = list(expand_map.upsample_rows(self._small, rows, (height, width), self._wraps))
+        full = list(upsampling.upsample_rows(self._small, rows, (height, width), self._wraps))
         if not self._edge_aware:
             return full
         assert codes is not None
@@ -149,7 +149,7 @@ class NoiseGuard:
 
     def __init__(self, frame: Frame, guide: Float32) -> None:
         self._frame = frame
-        coefficients = expand_map.edge_aware_coefficients(
+        coefficients = upsampling.edge_aware_coefficients(
             guide, guide, GRAIN_RADIUS_PX, GRAIN_EPSILON
         )
         self._small = np.stack(coefficients)
@@ -161,7 +161,7 @@ class NoiseGuard:
         fraction changes luminance by GAMMA times that fraction.
         """
         width, height = self._frame.size
-        ratio, offset = expand_map.upsample_rows(self._small, rows, (height, width))
+        ratio, offset = upsampling.upsample_rows(self._small, rows, (height, width))
         ratio -= np.float32(1)
         ratio *= codes
         ratio += offset

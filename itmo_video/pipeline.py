@@ -11,10 +11,11 @@ from dataclasses import dataclass
 import cv2
 
 from itmo_video import keyframes, warp
+from itmo_video.cuts import CUT_REACH, Analysed, analyse_frame, place
 from itmo_video.errors import DamagedInputError
 from itmo_video.guide import analysis_size
 from itmo_video.key_map import make_key_map
-from itmo_video.keyframes import Analysed, Span
+from itmo_video.keyframes import Span
 from itmo_video.look import Look
 from itmo_video.model import Float32, Frame
 from itmo_video.reader import Clip
@@ -70,9 +71,9 @@ def frames_in_flight(look: Look, jobs: int) -> int:
     also keeps keys behind. A flash makes one span longer and the following one as much shorter,
     but workers may be left with long ones only.
     """
-    smooth, ahead = look.settings.smooth_reach, keyframes.CUT_REACH + 2
+    smooth, ahead = look.settings.smooth_reach, CUT_REACH + 2
     spans = jobs + 2 + smooth
-    longer = (jobs + 1) * keyframes.CUT_REACH
+    longer = (jobs + 1) * CUT_REACH
     return spans * look.settings.key_reach + longer + smooth + 1 + ahead + 1
 
 
@@ -92,7 +93,7 @@ def memory_bound_bytes(width: int, height: int, bytes_per_code: int, look: Look,
 def analysed_frames(clip: Clip, run: Run, look: Look) -> Iterator[Analysed]:
     """Decode from the run's start, each frame with its pictures at analysis size."""
     for frame in clip.frames(run.start):
-        yield keyframes.analyse_frame(frame, look.settings.map_width)
+        yield analyse_frame(frame, look.settings.map_width)
 
 
 def spans_of(
@@ -111,7 +112,7 @@ def spans_of(
         return make_key_map(analysed.frame, look) if look.needs_map else analysed.tiny
 
     settings = look.settings
-    placed = keyframes.place(source(), settings.key_reach, run.start)
+    placed = place(source(), settings.key_reach, run.start)
     spans = keyframes.spans(
         placed,
         key_map,

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from clips import moving_scene
 
-from itmo_video import keyframes
-from itmo_video.keyframes import Analysed, analyse_frame, place, spans
+from itmo_video.cuts import Analysed, analyse_frame, difference, place
+from itmo_video.keyframes import spans
 from itmo_video.model import Encoding, Float32, Frame
 
 GREY = Encoding("grey", 8, "bt709", "full", "srgb", "rec709")
@@ -109,5 +109,5 @@ def _small(frames: list[Analysed]) -> list[Analysed]:
 
 def test_difference_is_symmetric_and_zero_for_equal() -> None:
     a, b = analysed(2)
-    assert keyframes.difference(a, a) == 0
-    assert keyframes.difference(a, b) == keyframes.difference(b, a) > 0
+    assert difference(a, a) == 0
+    assert difference(a, b) == difference(b, a) > 0

@@ -11,7 +11,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from itmo_video import keyframes
+from itmo_video.cuts import CUT_REACH, Analysed, analyse_frame, place
 from itmo_video.errors import InputError, UsageError
 from itmo_video.evaluation import flicker
 from itmo_video.evaluation.fidelity import LUMINANCE_WEIGHTS
@@ -117,8 +117,8 @@ def _frames(sequence: ExrSequence, source: Path) -> Iterator[_Seen]:
     with open_source(source, settings) as clip:
         width, height = analysis_size(*clip.info.display_size, settings.map_width)
         # Cuts are looked for in the frames before the first file, too: it may follow one closely.
-        start = max(0, min(files) - 2 * keyframes.CUT_REACH)
-        for placed in keyframes.place(_analysed(clip, start, settings.map_width), 1, start):
+        start = max(0, min(files) - 2 * CUT_REACH)
+        for placed in place(_analysed(clip, start, settings.map_width), 1, start):
             frame = placed.analysed
             if frame.index > last:
                 break
@@ -152,9 +152,9 @@ def _frames(sequence: ExrSequence, source: Path) -> Iterator[_Seen]:
         )
 
 
-def _analysed(clip: Clip, start: int, map_width: int) -> Iterator[keyframes.Analysed]:
+def _analysed(clip: Clip, start: int, map_width: int) -> Iterator[Analysed]:
     for frame in clip.frames(start):
-        yield keyframes.analyse_frame(frame, map_width)
+        yield analyse_frame(frame, map_width)
 
 
 def _small(values: Float32, width: int, height: int) -> Float32:

@@ -10,13 +10,13 @@ from itertools import pairwise
 import cv2
 import numpy as np
 
-from itmo_video import colour, keyframes, linear_light
+from itmo_video import colour, linear_light
+from itmo_video.cuts import TINY_SIZE, Analysed, analyse_frame, place
 from itmo_video.delivery import hdr
 from itmo_video.delivery.hdr import Light
 from itmo_video.delivery.pictures import Picture
 from itmo_video.evaluation import flicker
 from itmo_video.guide import analysis_size
-from itmo_video.keyframes import Analysed
 from itmo_video.model import Code, Encoding, Float32, Float64, Frame
 
 BINS_A_STOP = 2
@@ -119,7 +119,7 @@ def film_facts(frames: Sequence[FrameFacts], key_interval: int) -> FilmFacts:
         for f in frames
         if f.tiny is not None
     ]
-    for placed in keyframes.place(analysed, key_interval, frames[0].index):
+    for placed in place(analysed, key_interval, frames[0].index):
         index = placed.analysed.index
         if placed.starts_shot and index != frames[0].index:
             facts.cuts.append(index)
@@ -177,7 +177,7 @@ def _grey(luminance: Float32) -> Code:
 
 def _tiny(picture: Picture, luminance: Float32, map_width: int) -> Float32:
     if picture.source is not None:
-        return keyframes.analyse_frame(picture.source, map_width).tiny
+        return analyse_frame(picture.source, map_width).tiny
     # Without the source the result's own lower tones, which the operators leave nearly alone.
     code = np.clip(luminance, 0, 1) ** np.float32(1 / 2.4)
-    return np.asarray(cv2.resize(code, keyframes.TINY_SIZE, interpolation=cv2.INTER_AREA))
+    return np.asarray(cv2.resize(code, TINY_SIZE, interpolation=cv2.INTER_AREA))

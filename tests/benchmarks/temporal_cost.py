@@ -23,7 +23,7 @@ from against_ffmpeg import make_clip
 from itmo_video import RunOptions, convert, guide, keyframes, make_settings, pipeline, warp
 
 PARTS: dict[str, tuple[tuple[Any, str], ...]] = {
-    "analysis picture": ((keyframes, "analyse_frame"),),
+    "analysis picture": ((pipeline, "analyse_frame"),),
     "key maps": ((pipeline, "make_key_map"),),
     "smoothing over keys, with flow from key to key": (
         (keyframes, "smooth_map"),
