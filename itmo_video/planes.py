@@ -14,7 +14,7 @@ from typing import Any, cast
 import numpy as np
 import numpy.typing as npt
 
-from itmo_video import chroma
+from itmo_video.chroma import upsample_chroma
 from itmo_video.errors import AlreadyHdrError, InputError, ItmoError
 from itmo_video.model import ChromaSiting, Code, Encoding, Family
 
@@ -186,7 +186,7 @@ def _full_chroma(planes: tuple[Code, ...], encoding: Encoding) -> tuple[tuple[Co
         return np.clip(np.round(codes), 0, 65535).astype(np.uint16)
 
     luma = wide(planes[0], scale)
-    chroma = (chroma.upsample_chroma(p, (width, height), encoding.siting) for p in planes[1:3])
+    chroma = (upsample_chroma(p, (width, height), encoding.siting) for p in planes[1:3])
     cb, cr = (wide(p, scale, 2.0 ** (depth - 1)) for p in chroma)
     alpha = tuple(wide(p, 65535 / top) for p in planes[3:])
     return (luma, cb, cr, *alpha), replace(encoding, bit_depth=16)
