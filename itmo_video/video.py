@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Iterator
 from dataclasses import replace
 from fractions import Fraction
@@ -15,13 +14,13 @@ import numpy as np
 
 from itmo_video import probe, tags
 from itmo_video.clip import Clip
+from itmo_video.deinterlace import LEAD_IN, can_deinterlace, deinterlaced
 from itmo_video.errors import DamagedInputError, InputError
 from itmo_video.model import ClipInfo, Encoding, Frame
 from itmo_video.planes import picture_of, pixel_form, read_picture, upright
 from itmo_video.probe import content_digest
 from itmo_video.tags import InputOptions
 
-_LEAD_IN = 4  # frames decoded ahead, so that the deinterlacer has its neighbours
 _FILM_CODECS = ("mpeg2video", "vc1")  # in which films are telecined frame by frame
 _SAMPLE = 30  # frames looked at for telecine
 _INTERLACED = {2: "tff", 3: "bff", 4: "tff", 5: "bff"}  # FFmpeg's AVFieldOrder
@@ -41,10 +40,10 @@ class VideoClip(Clip):
 
     def frames(self, start: int = 0) -> Iterator[Frame]:
         """Yield frames from index `start` on; from the nearest point before that decodes alike."""
-        ahead = max(0, start - _LEAD_IN) if self._deinterlace else start
+        ahead = max(0, start - LEAD_IN) if self._deinterlace else start
         pictures = self._numbered(ahead)
         if self._deinterlace:
-            pictures = self._deinterlaced(pictures)
+            pictures = deinterlaced(pictures, self._is_forced, self._time_base, self._is_same)
         for index, decoded, is_damaged in pictures:
             if index >= start:
                 self._check_same(index, decoded)
@@ -81,9 +80,14 @@ class VideoClip(Clip):
             is_interlaced = order != "progressive" or bool(first.interlaced_frame)
             if is_interlaced and order == "progressive":
                 order = "interlaced"
-            self._deinterlace = self._deinterlacer(first, is_interlaced)
+            self._is_forced = options.deinterlace == "force"
+            self._deinterlace = (
+                options.deinterlace != "off"
+                and (is_interlaced or self._is_forced)
+                and can_deinterlace(first, self._is_forced)
+            )
             notices = list(told)
-            if is_interlaced or self._options.deinterlace == "force":
+            if is_interlaced or self._is_forced:
                 done = "deinterlaced" if self._deinterlace else "left as it is"
                 notices.append(f"it is {'' if is_interlaced else 'not '}flagged interlaced: {done}")
             if is_interlaced or codec in _FILM_CODECS:
@@ -193,11 +197,14 @@ class VideoClip(Clip):
             pass
         return None
 
+    def _is_same(self, decoded: Any) -> bool:
+        size = decoded.width, decoded.height
+        return bool(size == self._size and pixel_form(decoded) == self._form)
+
     def _check_same(self, index: int, decoded: Any) -> None:
-        size, form = (decoded.width, decoded.height), pixel_form(decoded)
-        if size == self._size and form == self._form:
+        if self._is_same(decoded):
             return
-        now = f"{size[0]}x{size[1]} {form}"
+        now = f"{decoded.width}x{decoded.height} {pixel_form(decoded)}"
         raise DamagedInputError(
             f"frame {index} is {now}, not {self._size[0]}x{self._size[1]} {self._form} as before",
             where=str(self._path),
@@ -217,50 +224,6 @@ class VideoClip(Clip):
         if self._packets.is_exact:
             return self._packets.pts[index] * self._time_base
         return Fraction(index) / self.info.frame_rate
-
-    # -- deinterlacing
-
-    def _deinterlacer(self, first: Any, is_flagged: bool) -> bool:
-        """Whether frames go through the deinterlacer."""
-        mode = self._options.deinterlace
-        if mode == "off" or not (mode == "force" or is_flagged):
-            return False
-        if min(first.width, first.height) < 4:
-            return False
-        graph = self._graph(first)
-        graph.vpush(first)
-        graph.vpush(None)
-        # Formats that the filter does not take would be converted unseen.
-        return bool(graph.vpull().format.name == first.format.name)
-
-    def _graph(self, like: Any) -> Any:
-        """One frame out for each one in, each from itself and its two neighbours."""
-        which = "all" if self._options.deinterlace == "force" else "interlaced"
-        graph = av.filter.Graph()
-        source = graph.add_buffer(
-            width=like.width, height=like.height, format=like.format, time_base=self._time_base
-        )
-        bwdif = graph.add("bwdif", f"mode=send_frame:parity=auto:deint={which}")
-        sink = graph.add("buffersink")
-        source.link_to(bwdif)
-        bwdif.link_to(sink)
-        graph.configure()
-        return graph
-
-    def _deinterlaced(self, pictures: Iterator[tuple[int, Any, bool]]) -> Iterator[Any]:
-        graph, waiting = None, deque[tuple[int, bool]]()
-        for index, decoded, is_damaged in pictures:
-            if (decoded.width, decoded.height) != self._size or pixel_form(decoded) != self._form:
-                yield index, decoded, is_damaged  # it ends the clip
-                return
-            graph = graph or self._graph(decoded)
-            waiting.append((index, is_damaged))
-            decoded.pts, decoded.time_base = index, self._time_base
-            graph.vpush(decoded)
-            yield from _pull(graph, waiting)
-        if graph is not None:
-            graph.vpush(None)
-            yield from _pull(graph, waiting)
 
     # -- what is known
 
@@ -339,13 +302,3 @@ def _decode_all(context: Any, packets: Iterator[Any]) -> Iterator[Any]:
         yield from frames
         if packet is None or packet.size == 0:
             return
-
-
-def _pull(graph: Any, waiting: deque[tuple[int, bool]]) -> Iterator[tuple[int, Any, bool]]:
-    while True:
-        try:
-            picture = graph.vpull()
-        except (av.FFmpegError, EOFError):
-            return
-        index, is_damaged = waiting.popleft()
-        yield index, picture, is_damaged

@@ -1,0 +1,75 @@
+"""Interlaced frames to whole ones by FFmpeg's bwdif: one out for each one in."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Iterator
+from fractions import Fraction
+from typing import Any
+
+import av
+
+LEAD_IN = 4  # frames decoded ahead, so that the first one wanted has its neighbours
+
+Picture = tuple[int, Any, bool]  # index, decoded frame, whether it is damaged
+
+
+def can_deinterlace(frame: Any, is_forced: bool) -> bool:
+    """Whether the filter takes frames of this size and format."""
+    if min(frame.width, frame.height) < 4:
+        return False
+    graph = _graph(frame, is_forced, Fraction(1))
+    graph.vpush(frame)
+    graph.vpush(None)
+    # Formats that the filter does not take would be converted unseen.
+    return bool(graph.vpull().format.name == frame.format.name)
+
+
+def deinterlaced(
+    pictures: Iterator[Picture],
+    is_forced: bool,
+    time_base: Fraction,
+    is_same: Callable[[Any], bool],
+) -> Iterator[Picture]:
+    """Yield each frame deinterlaced, from itself and its two neighbours, with its own index.
+
+    Progressive frames pass as they are unless `is_forced`. The first frame for which `is_same` is
+    false comes out untouched, as the last one.
+    """
+    graph, waiting = None, deque[tuple[int, bool]]()
+    for index, decoded, is_damaged in pictures:
+        if not is_same(decoded):
+            yield index, decoded, is_damaged
+            return
+        graph = graph or _graph(decoded, is_forced, time_base)
+        waiting.append((index, is_damaged))
+        decoded.pts, decoded.time_base = index, time_base
+        graph.vpush(decoded)
+        yield from _pull(graph, waiting)
+    if graph is not None:
+        graph.vpush(None)
+        yield from _pull(graph, waiting)
+
+
+def _graph(like: Any, is_forced: bool, time_base: Fraction) -> Any:
+    graph = av.filter.Graph()
+    source = graph.add_buffer(
+        width=like.width, height=like.height, format=like.format, time_base=time_base
+    )
+    which = "all" if is_forced else "interlaced"
+    bwdif = graph.add("bwdif", f"mode=send_frame:parity=auto:deint={which}")
+    sink = graph.add("buffersink")
+    source.link_to(bwdif)
+    bwdif.link_to(sink)
+    graph.configure()
+    return graph
+
+
+def _pull(graph: Any, waiting: deque[tuple[int, bool]]) -> Iterator[Picture]:
+    while True:
+        try:
+            picture = graph.vpull()
+        except (av.FFmpegError, EOFError):
+            return
+        index, is_damaged = waiting.popleft()
+        yield index, picture, is_damaged
