@@ -1,4 +1,4 @@
-"""Make docs/images/before_after.png: a sample clip before and after, in stops, beside its truth."""
+"""Make docs/images/before_after.png: a sample clip, its truth, and what presets make of it."""
 
 from __future__ import annotations
 
@@ -11,10 +11,11 @@ from typing import Any
 import cv2
 import numpy as np
 
-from itmo_video import RunOptions, convert, linear_light, open_clip, read_exr
+from itmo_video import RunOptions, convert, linear_light, make_settings, open_clip, read_exr
 
 ROOT = Path(__file__).resolve().parent.parent
 FRAME = 24
+PRESETS = ("default", "highlights", "auto")
 LOWEST_STOP, HIGHEST_STOP = -6, 5
 WEIGHTS = np.array([0.2126, 0.7152, 0.0722], np.float32)
 
@@ -47,24 +48,31 @@ def legend(width: int) -> Any:
     return bar
 
 
+def converted(clip: Path, preset: str) -> Any:
+    """Linear RGB of the frame, expanded."""
+    with tempfile.TemporaryDirectory() as folder:
+        convert(clip, folder, make_settings(preset), RunOptions(frames=str(FRAME + 1)))
+        channels = read_exr(Path(folder) / f"{clip.stem}.{FRAME + 1:04d}.exr").channels
+    return np.dstack([channels[c].astype(np.float32) for c in "RGB"])
+
+
 def main() -> None:
-    """Convert one frame and write the picture."""
+    """Convert one frame by each preset and write the picture."""
     sys.path.insert(0, str(ROOT / "sample_clips"))
     from make_sample_clips import scene_frames
 
     clip = ROOT / "sample_clips/night_street.mp4"
-    with tempfile.TemporaryDirectory() as folder:
-        convert(clip, folder, run=RunOptions(frames=str(FRAME + 1)))
-        channels = read_exr(Path(folder) / f"night_street.{FRAME + 1:04d}.exr").channels
-    expanded = np.dstack([channels[c].astype(np.float32) for c in "RGB"])
     with open_clip(clip) as opened:
         sdr = np.dstack(linear_light.to_rgb_linear(next(opened.frames(FRAME)), clip=True))
     truth = next(islice(scene_frames("night_street"), FRAME, None))
     picture = (np.clip(sdr, 0, 1) ** (1 / 2.4) * 255).astype(np.uint8)[..., ::-1]
-    upper = [labelled(picture, "the SDR clip"), labelled(false_colour(sdr), "before, in stops")]
-    lower = [
-        labelled(false_colour(expanded), "after, in stops"),
+    upper = [
+        labelled(picture, "the SDR clip"),
+        labelled(false_colour(sdr), "the SDR clip, in stops"),
         labelled(false_colour(truth), "the scene's true radiance"),
+    ]
+    lower = [
+        labelled(false_colour(converted(clip, preset)), f"--preset {preset}") for preset in PRESETS
     ]
     both = np.vstack([np.hstack(upper), np.hstack(lower)])
     target = ROOT / "docs/images/before_after.png"
