@@ -120,12 +120,30 @@ def expose(cut: Float, rng: np.random.Generator) -> Float:
     return np.minimum(cut / np.float32(max(white, 1e-6)), 6e4).astype(np.float32)
 
 
-def shoot(truth: Float, rng: np.random.Generator) -> Codes:
-    """8-bit sRGB codes (h, w, 3) of what a camera records: noisy, clipped, compressed."""
+def graded(truth: Float, rng: np.random.Generator) -> tuple[Float, Float]:
+    """What is recorded without noise, in [0, 1], and the truth on the same scale: both (h, w, 3).
+
+    White is not always the last code, and some footage ends in a shoulder.
+    """
+    kind = rng.random()
+    if kind < 0.55:
+        return np.clip(truth, 0, 1), truth
+    white = np.float32(rng.uniform(0.93, 1.0))
+    if kind < 0.85:
+        return np.clip(truth, 0, 1) * white, truth * white
+    knee = np.float32(rng.uniform(0.55, 0.9))
+    above = np.maximum(truth - knee, 0) / (1 - knee)
+    return (np.minimum(truth, knee) + (1 - knee) * (1 - np.exp(-above))) * white, truth * white
+
+
+def shoot(recorded: Float, rng: np.random.Generator) -> Codes:
+    """8-bit sRGB codes (h, w, 3) of light in [0, 1]: noisy below white, compressed."""
     noise = 0.004 * (1.0 if rng.random() < 0.5 else rng.uniform(0, 3))
-    deviation = np.float32(noise) * np.sqrt(np.clip(truth, 0, 1) + np.float32(0.02))
-    shot = truth + rng.standard_normal(truth.shape, np.float32) * deviation
-    code = np.rint(srgb_encode(np.clip(shot, 0, 1)) * 255).astype(np.uint8)
+    white = recorded.max()
+    deviation = np.float32(noise) * np.sqrt(recorded + np.float32(0.02))
+    shot = recorded + rng.standard_normal(recorded.shape, np.float32) * deviation
+    shot = np.where(recorded < white, np.clip(shot, 0, white), recorded)
+    code = np.rint(srgb_encode(shot) * 255).astype(np.uint8)
     if rng.random() < 0.85:
         quality = int(rng.choice([rng.integers(60, 98), rng.integers(85, 98)]))
         ok, data = cv2.imencode(".jpg", code[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, quality])
@@ -142,4 +160,5 @@ def sample(scene: Float, size: tuple[int, int], rng: np.random.Generator) -> tup
     if rng.random() < 0.05:  # letterbox
         bar = int(rng.uniform(0.05, 0.14) * size[1])
         truth[:bar] = truth[-bar:] = 0
-    return shoot(truth, rng), truth
+    recorded, truth = graded(truth, rng)
+    return shoot(recorded, rng), truth
