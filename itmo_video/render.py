@@ -71,7 +71,7 @@ def render(
         if gain_channel is not None:
             each: Sequence[Float32 | None] = maps or [None] * len(rgb)
             gains = [
-                gain_channel(_drive(plane, denoise, np.empty_like(plane)), part, context)
+                gain_channel(plane if denoise is None else plane * denoise, part, context)
                 for plane, part in zip(rgb, each, strict=True)
             ]
         else:
@@ -90,7 +90,7 @@ def render(
 
 
 def _drive(light: Float32, denoise: Float32 | None, out: Float32) -> Float32:
-    """What a gain is found from: luminance or a channel, denoised if so wished, in [0, 1]."""
+    """What a gain is found from: luminance, denoised if so wished, in [0, 1]."""
     if denoise is not None:
         light = np.multiply(light, denoise, out=out)
     return np.clip(light, 0, 1, out=out)

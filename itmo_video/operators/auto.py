@@ -25,7 +25,7 @@ from itmo_video.operators.base import Context, Floats, Operator
 EDGES_STOPS = (0.0, 0.3, 0.6, 0.9, 1.2, 1.6, 2.0, 2.5, 3.1, 3.7, 4.4)
 GATE_CENTRE, GATE_SLOPE = 0.9, 40.0
 TILE_PX = 32  # the network halves five times, so its pictures are multiples of this
-WIDTH_PX = 448  # of the network's picture where it would be wider than 480: a fifth is saved
+WIDTH_PX = 320  # of the network's picture where it would be wider than 480: half the time
 WRAP_PX = 64  # what a panorama shows of its other side
 _WEIGHTS = "auto.onnx"
 # The gate of the result, on linear light; fitted with the weights.
@@ -52,7 +52,7 @@ def features(codes: Float32, height: int) -> Float32:
     is row `height`: rows beyond it are padding. h and w are even.
     """
     h, w = codes.shape[0] // 2, codes.shape[1] // 2
-    greatest = codes.max(axis=2)
+    greatest = np.maximum(np.maximum(codes[..., 0], codes[..., 1]), codes[..., 2])
     gates = 1 / (1 + np.exp(np.float32(-GATE_SLOPE) * (greatest - np.float32(GATE_CENTRE))))
     gates *= np.float32(1 + math.exp(-GATE_SLOPE * (1 - GATE_CENTRE)))
     planes = np.concatenate([(codes - np.float32(0.5)).transpose(2, 0, 1), gates[None]])
@@ -102,13 +102,13 @@ def map_auto(rgb_linear: Float32, context: Context, wrap_x: bool = False) -> Flo
 def gain_auto(channel: Float32, weight: Float32 | None, context: Context) -> Float32:
     """2^(log2 L'max * map * gate), float32 (rows, W): 1 up to OPEN_FROM, L'max at most.
 
-    `channel` is R, G or B, linear light in [0, 1]; `weight` its map, 1 if None.
+    `channel` is R, G or B, linear light, more than 1 counting as 1; `weight` its map, 1 if None.
     """
     gain = np.ones(channel.shape, np.float32)
     bright = np.flatnonzero(channel > np.float32(OPEN_FROM))
     if not bright.size:
         return gain
-    share = np.asarray(channel.take(bright) - np.float32(OPEN_CENTRE))
+    share = np.minimum(channel.take(bright), np.float32(1)) - np.float32(OPEN_CENTRE)
     share = cv2.exp(share * np.float32(-OPEN_SLOPE)).reshape(-1)
     share += np.float32(1)
     np.divide(np.float32(1), share, out=share)
