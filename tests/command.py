@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 import subprocess
 import sys
 from collections.abc import Iterable
@@ -14,6 +15,10 @@ from itmo_video.exr import read_exr
 REPOSITORY = Path(__file__).parents[1]
 COMMAND = (sys.executable, "-W", "error", "-m", "itmo_video.cli")
 ENVIRONMENT = {**os.environ, "PYTHONPATH": str(REPOSITORY)}
+
+# A shell's background job is deaf to SIGINT, and so would be the commands that tests interrupt.
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 def start(
