@@ -77,7 +77,7 @@ class TestKernels:
             strips = [slice(y, y + 36) for y in range(0, frame.size[1], 36)]
             return [full.rows(rows, guide_codes(frame, rows=rows)) for rows in strips]
 
-        assert benchmark(all_rows)[0].shape[1] == frame.size[0]
+        assert benchmark(all_rows)[0][0].shape[1] == frame.size[0]
         record(benchmark, size)
 
     def test_render(self, benchmark: Any, size: str, depth: int) -> None:
