@@ -93,27 +93,36 @@ def grey_of(guide: Float32) -> Code:
     return np.asarray(np.rint(guide * np.float32(255)), np.uint8)
 
 
-class FullMap:
-    """Maps at analysis size, brought up to the frame's size a strip of rows at a time."""
+class Guidance:
+    """A frame's maps, and what frees its luminance of grain, a strip of rows at a time.
+
+    The noise guard keeps grain, banding and block edges out of the curve's argument. The picture
+    keeps its own detail: what is below GRAIN_EPSILON is carried through as it is and not lifted by
+    the curve's slope.
+    """
 
     def __init__(
         self,
-        map_small: Float32,
         frame: Frame,
         guide: Float32,
         settings: Settings,
+        map_small: Float32 | None,
         edge_aware: bool,
     ) -> None:
-        """`map_small` is (H, W), or (H, W, C) for one of each channel."""
+        """`guide` is its `analysis_guide`; `map_small` (H, W), or (H, W, C) for each channel's."""
         self._frame = frame
         self._wraps = settings.projection == "latlong"
-        self._edge_aware = edge_aware
-        maps = [map_small] if map_small.ndim == 2 else list(cv2.split(map_small))
-        if edge_aware:
-            maps = [
-                part for one in maps for part in self._coefficients(one, guide, settings.radius)
-            ]
-        self._small = np.stack(maps)
+        self._guards = settings.noise_guard
+        self._edge_aware = edge_aware and map_small is not None
+        small: list[Float32] = []
+        if self._guards:
+            a, b = upsampling.edge_aware_coefficients(guide, guide, GRAIN_RADIUS_PX, GRAIN_EPSILON)
+            small += [(a - np.float32(1)) * np.float32(GAMMA), b * np.float32(GAMMA)]
+        if map_small is not None:
+            maps = [map_small] if map_small.ndim == 2 else list(cv2.split(map_small))
+            for one in maps:
+                small += self._coefficients(one, guide, settings.radius) if edge_aware else [one]
+        self._small = np.stack(small) if small else None
 
     def _coefficients(
         self, map_small: Float32, guide: Float32, radius: float
@@ -126,47 +135,32 @@ class FullMap:
         a, b = upsampling.edge_aware_coefficients(map_around, guide_around, radius_px, EDGE_EPSILON)
         return a[:, pad : pad + width], b[:, pad : pad + width]
 
-    def rows(self, rows: slice, codes: Float32 | None) -> list[Float32]:
-        """Rows of the maps at full size, float32 in [0, 1]; `codes` are the rows' soft codes."""
+    def rows(self, rows: slice) -> tuple[list[Float32], Float32 | None]:
+        """The maps of some rows in [0, 1], and smoothed over given luminance in [0.5, 2].
+
+        Float32 (rows, W) each; no maps and None where none are wanted. The guard works on codes,
+        where noise is even; to first order a change of code by a fraction changes luminance by
+        GAMMA times that fraction.
+        """
+        if self._small is None:
+            return [], None
         width, height = self._frame.size
         full = list(upsampling.upsample_rows(self._small, rows, (height, width), self._wraps))
+        if not self._guards and not self._edge_aware:
+            return full, None
+        codes, soft = strip_codes(self._frame, rows, self._wraps)
+        ratio = None
+        if self._guards:
+            ratio, offset = full.pop(0), full.pop(0)
+            ratio *= codes
+            ratio += offset
+            ratio /= np.clip(codes, 0.02, np.inf, out=codes)  # three times as fast as np.maximum
+            np.clip(ratio, -0.5, 1, out=ratio)
+            ratio += np.float32(1)
         if not self._edge_aware:
-            return full
-        assert codes is not None
+            return full, ratio
         for a, b in zip(full[::2], full[1::2], strict=True):
-            a *= codes
+            a *= soft
             a += b
             np.clip(a, 0, 1, out=a)
-        return full[::2]
-
-
-class NoiseGuard:
-    """Luminance for the curve's argument, without grain, banding and block edges.
-
-    The picture keeps its own detail: only the gain is found from the smoothed luminance, so what
-    is below GRAIN_EPSILON is carried through as it is and not lifted by the curve's slope.
-    """
-
-    def __init__(self, frame: Frame, guide: Float32) -> None:
-        self._frame = frame
-        coefficients = upsampling.edge_aware_coefficients(
-            guide, guide, GRAIN_RADIUS_PX, GRAIN_EPSILON
-        )
-        self._small = np.stack(coefficients)
-
-    def ratio(self, rows: slice, codes: Float32) -> Float32:
-        """Smoothed over given luminance of some rows, (rows, W) in [0.5, 2].
-
-        The filter works on codes, where noise is even; to first order a change of code by a
-        fraction changes luminance by GAMMA times that fraction.
-        """
-        width, height = self._frame.size
-        ratio, offset = upsampling.upsample_rows(self._small, rows, (height, width))
-        ratio -= np.float32(1)
-        ratio *= codes
-        ratio += offset
-        ratio *= np.float32(GAMMA)
-        ratio /= np.clip(codes, 0.02, np.inf)  # three times as fast as np.maximum
-        np.clip(ratio, -0.5, 1, out=ratio)
-        ratio += np.float32(1)
-        return np.asarray(ratio, np.float32)
+        return full[::2], ratio

@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 
 from itmo_video import colour, linear_light
-from itmo_video.guide import FullMap, NoiseGuard, analysis_guide, strip_codes
+from itmo_video.guide import Guidance, analysis_guide
 from itmo_video.look import Look, context_of
 from itmo_video.luminance import frame_luminance, luminance_of, strip_buffers, strips
 from itmo_video.model import Float32, Float64, Frame, Half
@@ -43,20 +43,20 @@ def render(
     width, height = frame.size
     whole = settings.alpha is not None or look.operator.needs_stats
     context = context_of(frame_luminance(frame) if whole else None, look)
-    base = np.float32(1 if look.operator.base is None else look.operator.base(context))
+    base = 1.0 if look.operator.base is None else look.operator.base(context)
     matrix = None
     if settings.primaries != frame.encoding.primaries:
         matrix = colour.rgb_to_rgb_matrix(frame.encoding.primaries, settings.primaries)
     if guide is None:
         guide = analysis_guide(frame, settings.map_width)
     gain_channel = look.operator.gain_channel
-    edge_aware = settings.edge_aware and gain_channel is None
-    weights = None
-    if map_small is not None and look.needs_map:
-        weights = FullMap(map_small, frame, guide, settings, edge_aware)
-    guard = NoiseGuard(frame, guide) if settings.noise_guard else None
-    needs_codes = guard is not None or (weights is not None and edge_aware)
-    wrap_x = settings.projection == "latlong"
+    guidance = Guidance(
+        frame,
+        guide,
+        settings,
+        map_small if look.needs_map else None,
+        settings.edge_aware and gain_channel is None,
+    )
     # A gain of L'max on a pixel of one pure primary may pass what a half can hold.
     limit = settings.alpha is not None or not clip or 20 * context.l_max > HALF_MAX
     alpha = _alpha(frame)
@@ -65,22 +65,19 @@ def render(
     for rows in strips(height):
         rgb = strip_buffers(rows, width)
         linear_light.strip_to_rgb_linear(frame, rows, clip, rgb)
-        codes, soft = strip_codes(frame, rows, wrap_x) if needs_codes else (None, None)
-        denoise = None if guard is None or codes is None else guard.ratio(rows, codes)
-        maps = [] if weights is None else weights.rows(rows, soft)
+        maps, denoise = guidance.rows(rows)
         if gain_channel is not None:
             each: Sequence[Float32 | None] = maps or [None] * len(rgb)
             gains = [
                 gain_channel(plane if denoise is None else plane * denoise, part, context)
                 for plane, part in zip(rgb, each, strict=True)
             ]
+            for gain in gains:
+                _weighed(gain, [], 1, settings.strength)
         else:
             luminance = luminance_of(rgb)
             gain = look.operator.gain(_drive(luminance, denoise, luminance), context)
-            gains = _weighed(gain, maps, base)
-        if settings.strength != 1:
-            share = np.float32(settings.strength)
-            gains = [(part - np.float32(1)) * share + np.float32(1) for part in gains]
+            gains = _weighed(gain, maps, base if maps else 1, settings.strength)
         _fill_layers(layers, rows, rgb, gains, maps)
         if alpha is not None:
             gains = [part * alpha[rows] for part in gains]
@@ -96,16 +93,22 @@ def _drive(light: Float32, denoise: Float32 | None, out: Float32) -> Float32:
     return np.clip(light, 0, 1, out=out)
 
 
-def _weighed(gain: Float32, maps: Sequence[Float32], base: np.float32) -> list[Float32]:
-    """For each map base + map * (gain - base), or the gain as it is; `gain` is overwritten."""
-    if not maps:
+def _weighed(gain: Float32, maps: Sequence[Float32], base: float, strength: float) -> list[Float32]:
+    """For each map 1 + strength * (base + map * (gain - base) - 1); `gain` is overwritten.
+
+    Without maps as if there were one of 1. What would leave the picture as it is does so exactly.
+    """
+    if not maps and strength == 1:
         return [gain]
-    gain -= base
+    gain -= np.float32(base)
     weighed = [gain * part for part in maps[1:]]
-    gain *= maps[0]
+    if maps:
+        gain *= maps[0]
     weighed.insert(0, gain)
     for part in weighed:
-        part += base
+        if strength != 1:
+            part *= np.float32(strength)
+        part += np.float32(1 + strength * (base - 1))
     return weighed
 
 

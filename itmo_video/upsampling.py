@@ -71,16 +71,10 @@ def edge_aware_coefficients(
         raise ValueError(f"map {map_small.shape} and guide {guide_small.shape} differ in shape")
     if radius_px < 0 or not epsilon > 0.0:
         raise ValueError(f"needs radius_px >= 0 and epsilon > 0, not {radius_px}, {epsilon}")
-    size = (2 * radius_px + 1, 2 * radius_px + 1)
-
-    def box_sum(image: Floats) -> Float32:
-        summed = cv2.boxFilter(image, -1, size, normalize=False, borderType=cv2.BORDER_CONSTANT)
-        return np.asarray(summed, dtype=np.float32)
-
-    share = np.float32(1) / box_sum(np.ones_like(map_small))
+    share = _window_share(*map_small.shape, radius_px)
 
     def mean(image: Floats) -> Float32:
-        return np.asarray(box_sum(image) * share, np.float32)
+        return np.asarray(_box_sum(image, radius_px) * share, np.float32)
 
     guide_mean = map_mean = mean(guide_small)
     variance = np.maximum(mean(guide_small * guide_small) - guide_mean * guide_mean, 0.0)
@@ -90,3 +84,15 @@ def edge_aware_coefficients(
         covariance = mean(guide_small * map_small) - guide_mean * map_mean
     a = covariance / (variance + np.float32(epsilon))
     return mean(a), mean(map_mean - a * guide_mean)
+
+
+def _box_sum(image: Floats, radius_px: int) -> Float32:
+    size = (2 * radius_px + 1, 2 * radius_px + 1)
+    summed = cv2.boxFilter(image, -1, size, normalize=False, borderType=cv2.BORDER_CONSTANT)
+    return np.asarray(summed, dtype=np.float32)
+
+
+@functools.lru_cache(maxsize=8)
+def _window_share(height: int, width: int, radius_px: int) -> Float32:
+    """One over the pixels of each window that lie in the picture."""
+    return np.asarray(1 / _box_sum(np.ones((height, width), np.float32), radius_px), np.float32)

@@ -95,19 +95,13 @@ def camera_motion_px(here: Code, flow: Float32) -> Float32:
 
 def warp(image: Code | Float32, flow: Float32) -> Float32:
     """`image` (there) fetched along `flow` (from here): its shape, bilinear, edges repeated."""
-    grid = _grid(flow.shape[0], flow.shape[1])
-    return np.asarray(
-        cv2.remap(image, grid + flow, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-    )
+    how = cv2.INTER_LINEAR | cv2.WARP_RELATIVE_MAP
+    return np.asarray(cv2.remap(image, flow, None, how, borderMode=cv2.BORDER_REPLICATE))
 
 
 def compose(first: Float32, second: Float32) -> Float32:
     """Flow a to c from a to b and b to c."""
-    grid = _grid(first.shape[0], first.shape[1])
-    fetched = cv2.remap(
-        second, grid + first, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
-    )
-    return np.asarray(cv2.add(first, fetched), np.float32)
+    return np.asarray(cv2.add(first, warp(second, first)), np.float32)
 
 
 def local_difference(a: Code, b: Code | Float32) -> Float32:

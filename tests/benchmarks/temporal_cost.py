@@ -30,7 +30,7 @@ PARTS: dict[str, tuple[tuple[Any, str], ...]] = {
         (warp, "flow_px"),  # those within tracking count there
     ),
     "tracking, with flow to both keys": ((warp, "track_map"),),
-    "noise guard": ((guide.NoiseGuard, "__init__"), (guide.NoiseGuard, "ratio")),
+    "map brought up, noise guard": ((guide.Guidance, "__init__"), (guide.Guidance, "rows")),
 }
 
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from itmo_video import warp
-from itmo_video.guide import FullMap, analysis_guide, grey_of, guide_codes
+from itmo_video.guide import Guidance, analysis_guide, grey_of
 from itmo_video.key_map import make_key_map
 from itmo_video.look import make_look
 from itmo_video.luminance import frame_luminance
@@ -67,15 +67,14 @@ class TestKernels:
         assert benchmark(warp.track_map, grey, side, side, 0.4).shape == grey.shape
         record(benchmark, size)
 
-    def test_full_map(self, benchmark: Any, size: str, depth: int) -> None:
+    def test_guidance(self, benchmark: Any, size: str, depth: int) -> None:
         look, frame = make_look(make_settings()), frame_of(size, depth)
         small = np.random.default_rng(1).random((288, 512), np.float32)
         guide = analysis_guide(frame, 512)
 
         def all_rows() -> Any:
-            full = FullMap(small, frame, guide, look.settings, True)
-            strips = [slice(y, y + 36) for y in range(0, frame.size[1], 36)]
-            return [full.rows(rows, guide_codes(frame, rows=rows)) for rows in strips]
+            guidance = Guidance(frame, guide, look.settings, small, True)
+            return [guidance.rows(slice(y, y + 36))[0] for y in range(0, frame.size[1], 36)]
 
         assert benchmark(all_rows)[0][0].shape[1] == frame.size[0]
         record(benchmark, size)
