@@ -137,13 +137,15 @@ def test_threads_and_sizes_before_leave_no_trace() -> None:
 
 
 def test_a_panorama_shows_the_network_what_lies_beyond_its_sides() -> None:
-    picture = lamps(96, 192)
-    turned = np.roll(picture, 90, axis=1)
+    picture = np.roll(lamps(96, 192), -14, axis=1)
+    turned = np.roll(picture, -96, axis=1)  # a lamp on the seam; 96 is a multiple of TILE_PX
     here = auto.map_auto(picture, DISPLAY, wrap_x=True)
-    there = np.roll(auto.map_auto(turned, DISPLAY, wrap_x=True), -90, axis=1)
-    flat = np.roll(auto.map_auto(turned, DISPLAY), -90, axis=1)
+    there = np.roll(auto.map_auto(turned, DISPLAY, wrap_x=True), 96, axis=1)
+    flat = np.roll(auto.map_auto(turned, DISPLAY), 96, axis=1)
+    # Where the map counts: below clipping the gate is shut, and the network's word is idle.
+    bright = picture.max(-1) > 0.9
     # Far context still moves a little, as the network sees no further than its padding.
-    assert np.abs(here - there).mean() < 0.5 * np.abs(here - flat).mean() + 0.01
+    assert np.abs(here - there)[bright].mean() < 0.5 * np.abs(here - flat)[bright].mean()
 
 
 @pytest.mark.skipif(not (SHARED / "data/panoramas").is_dir(), reason="../shared/data is not here")
