@@ -8,12 +8,12 @@ from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any, TypeAlias
 
+import cv2
 import numpy as np
 import numpy.typing as npt
-import scipy.fft
 
 from itmo_video.median_cut import Lights
 from itmo_video.model import Float32, Float64
@@ -127,10 +127,7 @@ def density_map_soft(
     _splat(lights, lights.power, splats[0])
     if is_thresholded:
         _splat(lights, np.ones_like(lights.power), splats[1])
-    spectra = scipy.fft.rfft2(splats)
-    spectra *= kernels
-    sums = scipy.fft.irfft2(spectra, s=size, overwrite_x=True)[:, :height, :width]
-    sums /= share
+    sums = _convolved(splats, kernels)[:, :height, :width] / share
     density = np.clip(sums[0], 0.0, 1.0)  # rounding leaves tiny negatives
     if is_thresholded:
         start, end = max(min_lights - RAMP_BELOW, 0.0), min_lights + RAMP_ABOVE
@@ -142,7 +139,7 @@ def density_map_soft(
 @functools.lru_cache(maxsize=4)
 def _soft_kernels(
     shape_hw: tuple[int, int], radius_px: float, is_thresholded: bool, wrap_x: bool
-) -> tuple[npt.NDArray[np.complex64], Float32, tuple[int, int]]:
+) -> tuple[list[Float32], Float32, tuple[int, int]]:
     """Spectra of the weights' and the count's kernels, and the size to transform at.
 
     Between them, (1 or 2, H, W), the share of each kernel that lies in the picture.
@@ -153,8 +150,8 @@ def _soft_kernels(
     # Convolved by FFT: half of filter2D's time at a radius of 10 px, and the same at any other.
     # Room beside the picture keeps its edges apart; without it they meet.
     room_y, room_x = min(reach, height - 1), min(reach, width // 2 if wrap_x else width - 1)
-    rows = scipy.fft.next_fast_len(height + room_y, real=True)
-    columns = width if wrap_x else scipy.fft.next_fast_len(width + room_x, real=True)
+    rows = cv2.getOptimalDFTSize(height + room_y)
+    columns = width if wrap_x else cv2.getOptimalDFTSize(width + room_x)
 
     dy = np.arange(-room_y, room_y + 1.0)[:, np.newaxis]
     dx = np.arange(-room_x, room_x + 1.0)  # where both ends meet, half a turn off, they agree
@@ -166,12 +163,27 @@ def _soft_kernels(
     kernels[0][at] = np.where(square <= radius_square, weight, 0.0)
     if is_thresholded:
         kernels[1][at] = np.clip((radius_px - np.sqrt(square)) / edge_px + 0.5, 0.0, 1.0)
-    spectra = scipy.fft.rfft2(kernels)
+    spectra = [_spectrum(kernel) for kernel in kernels]
     picture = np.zeros_like(kernels)
     picture[:, :height, :width] = 1
-    share = scipy.fft.irfft2(spectra * scipy.fft.rfft2(picture), s=(rows, columns))
-    share = share[:, :height, :width] / kernels.sum((1, 2), dtype=np.float64)[:, None, None]
+    share = _convolved(picture, spectra)[:, :height, :width]
+    share = share / kernels.sum((1, 2), dtype=np.float64)[:, None, None]
     return spectra, share.astype(np.float32), (rows, columns)
+
+
+def _spectrum(plane: Float32) -> Float32:
+    """As cv2 packs it; scipy.fft is as quick, but takes an eighth of a second to import."""
+    return np.asarray(cv2.dft(plane), np.float32)
+
+
+def _convolved(planes: Float32, spectra: Sequence[Float32]) -> Float32:
+    """Each plane of (n, H, W) convolved with its kernel, given as a spectrum, ends joined."""
+    back = cv2.DFT_INVERSE | cv2.DFT_SCALE | cv2.DFT_REAL_OUTPUT
+    products = (
+        cv2.mulSpectrums(_spectrum(plane), spectrum, 0)
+        for plane, spectrum in zip(planes, spectra, strict=True)
+    )
+    return np.stack([np.asarray(cv2.dft(part, flags=back), np.float32) for part in products])
 
 
 def _weight_of_square(ratio_square: Float64) -> Float64:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from scipy import ndimage
 
 from itmo_video.model import Float32, Float64
 
@@ -21,6 +20,8 @@ def cross_bilateral(
     (H, W) in [0, 1] (`sigma_range` > 0). After Chen, Paris and Durand 2007: splatted to the nearest
     cell, blurred, read trilinearly.
     """
+    from scipy import ndimage  # an eighth of a second with what it imports
+
     height, width = values.shape
     step, level = max(1.0, sigma_px / _CELLS), sigma_range / _CELLS
     y = np.arange(height)[:, np.newaxis] / step
