@@ -29,7 +29,7 @@ WIDTH_PX = 320  # of the network's picture where it would be wider than 480: hal
 WRAP_PX = 64  # what a panorama shows of its other side
 _WEIGHTS = "auto.onnx"
 # The gate of the result, on linear light; fitted with the weights.
-OPEN_CENTRE, OPEN_SLOPE, OPEN_FROM = 0.826, 31.7, 0.5
+OPEN_CENTRE, OPEN_SLOPE, OPEN_FROM = 0.808, 27.3, 0.5
 _OPEN_LOW, _OPEN_WHITE = (
     1 / (1 + math.exp(-OPEN_SLOPE * (light - OPEN_CENTRE))) for light in (OPEN_FROM, 1.0)
 )
