@@ -11,7 +11,9 @@ from typing import Any
 
 from hatchling.builders.hooks.plugin.interface import BuildHookInterface
 
-FLAGS = ["-O3", "-std=c11", "-ffp-contract=off", "-shared", "-fPIC"]
+# Every machine is to give the same bytes: no fused multiplication, no other order of sums.
+FLOATS = ["-ffp-contract=off", "-fno-math-errno", "-fno-trapping-math"]
+FLAGS = ["-O3", "-std=c11", *FLOATS, "-shared", "-fPIC"]
 
 
 class NativeHook(BuildHookInterface):

@@ -12,13 +12,14 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from itmo_video import expand_map, upsampling
+from itmo_video import expand_map, native, upsampling
 from itmo_video.model import Code, Float32, Frame
 from itmo_video.operators import LUMINANCE_WEIGHTS
 from itmo_video.settings import Settings
 
 EDGE_EPSILON = 1e-3  # contrasts (squared, of codes 0..1) below this do not bend the map
 SOFTENING = np.array([1, 4, 6, 4, 1], np.float32) / 16  # binomial, a standard deviation of 1 px
+REACH = len(SOFTENING) // 2
 GRAIN_EPSILON = 4e-4  # contrasts below this, 2 % of the code range, count as grain
 GRAIN_RADIUS_PX = 3  # at analysis size
 GAMMA = 2.4  # how luminance goes with the code, for small differences
@@ -77,15 +78,19 @@ def strip_codes(frame: Frame, rows: slice, wrap_x: bool) -> tuple[Float32, Float
     A map that follows the picture's last pixel and its grain changes wherever the picture moves by
     part of a pixel. With `wrap_x` (panoramas) the left and right edges meet.
     """
-    reach = len(SOFTENING) // 2
-    around = slice(max(0, rows.start - reach), min(frame.size[1], rows.stop + reach))
+    around = _around(rows, frame.size[1])
     codes = guide_codes(frame, rows=around)
-    wide = np.pad(codes, ((0, 0), (reach, reach)), "wrap") if wrap_x else codes
+    wide = np.pad(codes, ((0, 0), (REACH, REACH)), "wrap") if wrap_x else codes
     soft = cv2.sepFilter2D(wide, -1, SOFTENING, SOFTENING, borderType=cv2.BORDER_REPLICATE)
     if wrap_x:
-        soft = soft[:, reach:-reach]
+        soft = soft[:, REACH:-REACH]
     inner = slice(rows.start - around.start, rows.stop - around.start)
     return codes[inner], np.asarray(soft.reshape(codes.shape)[inner], np.float32)
+
+
+def _around(rows: slice, height: int) -> slice:
+    """The rows that softening some looks at."""
+    return slice(max(0, rows.start - REACH), min(height, rows.stop + REACH))
 
 
 def grey_of(guide: Float32) -> Code:
@@ -145,6 +150,21 @@ class Guidance:
         if self._small is None:
             return [], None
         width, height = self._frame.size
+        loaded = native.library()
+        if loaded is not None and not self._wraps and (self._guards or self._edge_aware):
+            around = _around(rows, height)
+            above, _, part, _ = upsampling.rows_between(
+                rows.start, rows.stop, self._small.shape[1], height
+            )
+            return native.guide_rows(
+                loaded,
+                guide_codes(self._frame, rows=around),
+                self._small,
+                (above, part),
+                first=rows.start - around.start,
+                guards=self._guards,
+                edge_aware=self._edge_aware,
+            )
         full = list(upsampling.upsample_rows(self._small, rows, (height, width), self._wraps))
         if not self._guards and not self._edge_aware:
             return full, None

@@ -6,6 +6,7 @@ whichever strip it is in, so a strip equals the same rows of the whole picture b
 
 from __future__ import annotations
 
+import ctypes
 import functools
 from collections.abc import Iterator
 from typing import TypeAlias, cast
@@ -13,6 +14,7 @@ from typing import TypeAlias, cast
 import cv2
 import numpy as np
 
+from itmo_video import native
 from itmo_video.chroma import double_columns, double_rows, siting_offset
 from itmo_video.colour import (
     LUMINANCE_KR_KB,
@@ -23,7 +25,7 @@ from itmo_video.colour import (
     eotf,
     gamma_of,
 )
-from itmo_video.model import Code, Float32, Frame, Range, Transfer
+from itmo_video.model import Code, Float32, Frame, Matrix, Range, Transfer
 
 Planes: TypeAlias = tuple[Float32, Float32, Float32]
 
@@ -73,6 +75,14 @@ def strip_to_rgb_linear(frame: Frame, rows: slice, clip: bool, out: Planes) -> N
         for plane, target in zip(_colour_planes(frame), out, strict=True):
             cv2.LUT(plane[rows], table, dst=target)
         return
+    if (loaded := native.library()) is not None:
+        by_power = clip and encoding.transfer not in _FROM_ZERO
+        gamma = gamma_of(encoding.transfer) if by_power else None
+        _native_strip(loaded, frame, rows, gamma, out)
+        if not by_power:
+            for target in out:
+                _eotf_in_place(target, encoding.transfer, clip)
+        return
     width = frame.size[0]
     buffers = out if width % _LANES == 0 else _buffers(out[0].shape[0], _padded_width(width))
     _ycbcr_strip(frame, rows, buffers)
@@ -88,6 +98,9 @@ def _strip_code(frame: Frame, rows: slice, out: Planes) -> None:
         for plane, target in zip(_colour_planes(frame), out, strict=True):
             cv2.LUT(plane[rows], table, dst=target)
         return
+    if (loaded := native.library()) is not None:
+        _native_strip(loaded, frame, rows, None, out)
+        return
     width = frame.size[0]
     buffers = _buffers(out[0].shape[0], _padded_width(width))
     _ycbcr_strip(frame, rows, buffers)
@@ -95,20 +108,39 @@ def _strip_code(frame: Frame, rows: slice, out: Planes) -> None:
         np.copyto(target, buffer[:, :width])
 
 
+def _native_strip(
+    loaded: ctypes.CDLL, frame: Frame, rows: slice, gamma: float | None, out: Planes
+) -> None:
+    encoding, (width, height), chroma = frame.encoding, frame.size, frame.planes[1]
+    across = None if width <= chroma.shape[1] else siting_offset(encoding.siting, vertical=False)
+    down = None if height <= chroma.shape[0] else siting_offset(encoding.siting, vertical=True)
+    step = 2.0 ** (encoding.bit_depth - 8)
+    chroma_span = 256 * step - 1 if encoding.range == "full" else 224 * step
+    levels = (*encoding.black_and_span, 128 * step, chroma_span)
+    factors = _matrix_factors(encoding.matrix)
+    native.ycbcr_rows(loaded, frame.planes[:3], rows, (across, down), levels, factors, gamma, out)
+
+
+def _matrix_factors(matrix: Matrix) -> tuple[float, float, float, float]:
+    """What Cr adds to red, Cb to blue, Cr to green and Cb to green."""
+    kr, kb = LUMINANCE_KR_KB[matrix]
+    kg = 1 - kr - kb
+    return 2 * (1 - kr), 2 * (1 - kb), -2 * (1 - kr) * kr / kg, -2 * (1 - kb) * kb / kg
+
+
 def _ycbcr_strip(frame: Frame, rows: slice, out: Planes) -> None:
     """R'G'B' of some rows, `out` having the padded width."""
     encoding, padded = frame.encoding, out[0].shape[1]
     luma_codes, cb_codes, cr_codes = frame.planes[:3]
-    kr, kb = LUMINANCE_KR_KB[encoding.matrix]
-    kg = 1 - kr - kb
+    cr_red, cb_blue, cr_green, cb_green = _matrix_factors(encoding.matrix)
     red, green, blue = out
     luma = cv2.LUT(_pad(luma_codes[rows], padded), _code_table(encoding.bit_depth, encoding.range))
     cb = _chroma_strip(cb_codes, frame, rows, padded)
     cr = _chroma_strip(cr_codes, frame, rows, padded)
-    cv2.scaleAdd(cr, 2 * (1 - kr), luma, dst=red)
-    cv2.scaleAdd(cb, 2 * (1 - kb), luma, dst=blue)
-    cv2.scaleAdd(cr, -2 * (1 - kr) * kr / kg, luma, dst=green)
-    cv2.scaleAdd(cb, -2 * (1 - kb) * kb / kg, green, dst=green)
+    cv2.scaleAdd(cr, cr_red, luma, dst=red)
+    cv2.scaleAdd(cb, cb_blue, luma, dst=blue)
+    cv2.scaleAdd(cr, cr_green, luma, dst=green)
+    cv2.scaleAdd(cb, cb_green, green, dst=green)
 
 
 def _chroma_strip(plane: Code, frame: Frame, rows: slice, padded: int) -> Float32:

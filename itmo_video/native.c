@@ -2,13 +2,22 @@
 
    Plain C11 on arrays: no Python, no allocation, no state, so that threads may call at will. */
 
+#include <math.h>
 #include <stdint.h>
 #include <string.h>
 
-#if defined(__x86_64__) && defined(__GLIBC__) && !defined(ITMO_ONE_TARGET)
-#define CLONED __attribute__((target_clones("arch=x86-64-v3", "default")))
+#if defined(__x86_64__) && !defined(__GLIBC__) && !defined(ITMO_ONE_TARGET)
+#define ITMO_ONE_TARGET
+#endif
+#if defined(__x86_64__) && !defined(ITMO_ONE_TARGET)
+#define CLONED __attribute__((target_clones("arch=x86-64-v4", "arch=x86-64-v3", "default")))
 #else
 #define CLONED
+#endif
+#if defined(__x86_64__) && !defined(__FMA__) && defined(ITMO_ONE_TARGET)
+#define FMA(a, b, c) ((a) * (b) + (c)) /* a library's would take twenty times as long */
+#else
+#define FMA fmaf
 #endif
 #define INLINE static inline __attribute__((always_inline))
 
@@ -281,7 +290,221 @@ CLONED void itmo_pack_literals(const uint8_t *rows, int64_t count, int64_t size,
     }
 }
 
+/* ---- from Y'CbCr codes to linear light ---- */
+
+INLINE float between(float value, float least, float most)
+{
+    value = value > least ? value : least;
+    return value < most ? value : most;
+}
+
+/* x to the power g, for x from 1e-8 to 1 and g from 1 to 4, within 6e-6, and 1 of 1.
+
+   2 to the power g log2 x. The logarithm of a mantissa m around 1 by its series in (m - 1) / (m + 1),
+   the power of a fraction by its own; fma is the same on every machine. */
+INLINE float power(float x, float g)
+{
+    int32_t bits, mantissa_bits, scale_bits;
+    float mantissa, scale;
+    memcpy(&bits, &x, 4);
+    int32_t exponent = (bits - 0x3f3504f3) >> 23; /* the mantissa between the roots of 1/2 and 2 */
+    mantissa_bits = bits - exponent * (1 << 23);
+    memcpy(&mantissa, &mantissa_bits, 4);
+    float s = (mantissa - 1) / (mantissa + 1), q = s * s;
+    float series = FMA(FMA(FMA(FMA(0.32059889f, q, 0.41219859f), q, 0.57707802f), q, 0.96179669f),
+                        q, 2.88539008f);
+    float whole_and_rest = g * FMA(s, series, (float)exponent);
+    int32_t whole = (int32_t)(whole_and_rest - 0.5f); /* the nearest, as none is above 0 */
+    float f = whole_and_rest - (float)whole;
+    float p = FMA(FMA(FMA(FMA(FMA(FMA(0.00015469f, f, 0.00133336f), f, 0.00961813f), f, 0.05550411f),
+                             f, 0.24022651f), f, 0.69314718f), f, 1);
+    scale_bits = (whole + 127) * (1 << 23);
+    memcpy(&scale, &scale_bits, 4);
+    return p * scale;
+}
+
+/* One line of codes, (code * own + other * share - black) / span for a line and its neighbour. */
+INLINE void line_of(const uint8_t *here, const uint8_t *neighbour, int64_t width, int64_t bytes,
+                    float share, float black, float span, float *restrict out)
+{
+    float own = 1 - share;
+    if (bytes == 1)
+        for (int64_t x = 0; x < width; x++)
+            out[x] = ((float)here[x] * own + (float)neighbour[x] * share - black) / span;
+    else {
+        const uint16_t *wide = (const uint16_t *)here, *beside = (const uint16_t *)neighbour;
+        for (int64_t x = 0; x < width; x++)
+            out[x] = ((float)wide[x] * own + (float)beside[x] * share - black) / span;
+    }
+}
+
+INLINE void to_rgb(const float *y, const float *cb, const float *cr, const float *matrix, int64_t width,
+                   float *restrict red, float *restrict green, float *restrict blue)
+{
+    float cr_red = matrix[0], cb_blue = matrix[1], cr_green = matrix[2], cb_green = matrix[3];
+    for (int64_t x = 0; x < width; x++) {
+        red[x] = cr[x] * cr_red + y[x];
+        blue[x] = cb[x] * cb_blue + y[x];
+        green[x] = cb[x] * cb_green + (cr[x] * cr_green + y[x]);
+    }
+}
+
+INLINE void to_light(float *restrict values, int64_t width, float exponent)
+{
+    for (int64_t x = 0; x < width; x++) {
+        float light = power(between(values[x], 1e-8f, 1), exponent);
+        values[x] = light > 1e-15f ? light : 0;
+    }
+}
+
+/* One line to twice as many, by the shares that even places have of the one before and odd ones of
+   the one behind; `line` has a place more at either end. */
+INLINE void double_line(const float *line, int64_t width, float before, float behind,
+                        float *restrict out)
+{
+    for (int64_t x = 0; x < width; x++) {
+        out[2 * x] = line[x + 1] * (1 - before) + line[x] * before;
+        out[2 * x + 1] = line[x + 1] * (1 - behind) + line[x + 2] * behind;
+    }
+}
+
+/* How far even and odd places lean on the sample before and on the one behind, by the siting. */
+static const float LEAN_BEFORE[3] = {0, 0.25f, 0.5f}, LEAN_BEHIND[3] = {0.5f, 0.25f, 0};
+
+/* See native.ycbcr_rows. */
+CLONED void itmo_ycbcr_rows(const uint8_t *luma, const uint8_t *cb, const uint8_t *cr,
+                            int64_t luma_stride, const int64_t *chroma_strides, int64_t bytes,
+                            int64_t width, int64_t chroma_width, int64_t chroma_height, int64_t first,
+                            int64_t rows, int64_t site_x, int64_t site_y, const float *levels,
+                            const float *matrix, float exponent, float *scratch, float *red,
+                            float *green, float *blue)
+{
+    float *line = scratch, *wide[2] = {line + chroma_width + 2, line + 3 * chroma_width + 2};
+    float *y = wide[1] + 2 * chroma_width;
+    for (int64_t row = 0; row < rows; row++) {
+        int64_t at = first + row, here = site_y < 0 ? at : at / 2, beside = here;
+        float share = 0;
+        if (site_y >= 0) {
+            share = at % 2 ? LEAN_BEHIND[site_y] : LEAN_BEFORE[site_y];
+            beside = at % 2 ? here + 1 : here - 1;
+            beside = beside < 0 ? 0 : beside < chroma_height ? beside : chroma_height - 1;
+        }
+        for (int c = 0; c < 2; c++) {
+            const uint8_t *plane = c ? cr : cb;
+            int64_t stride = chroma_strides[c];
+            float *restrict out = wide[c];
+            line_of(plane + here * stride, plane + beside * stride, chroma_width, bytes, share,
+                    levels[2], levels[3], site_x < 0 ? out : line + 1);
+            if (site_x < 0)
+                continue;
+            line[0] = line[1];
+            line[chroma_width + 1] = line[chroma_width];
+            double_line(line, chroma_width, LEAN_BEFORE[site_x], LEAN_BEHIND[site_x], out);
+        }
+        line_of(luma + at * luma_stride, luma + at * luma_stride, width, bytes, 0, levels[0], levels[1], y);
+        float *line_out[3] = {red + row * width, green + row * width, blue + row * width};
+        to_rgb(y, wide[0], wide[1], matrix, width, line_out[0], line_out[1], line_out[2]);
+        for (int c = 0; exponent > 0 && c < 3; c++)
+            to_light(line_out[c], width, exponent);
+    }
+}
+
+/* See native.drive. */
+CLONED void itmo_drive(const float *red, const float *green, const float *blue, const float *weights,
+                       const float *ratio, int64_t count, float *restrict out)
+{
+    for (int64_t i = 0; i < count; i++) {
+        float light = (red[i] * weights[0] + green[i] * weights[1]) + blue[i] * weights[2];
+        out[i] = between(ratio ? light * ratio[i] : light, 0, 1);
+    }
+}
+
+/* ---- maps and the noise guard, brought up to rows of the picture ---- */
+
+enum { AT_ONCE = 8, REACH = 2 }; /* REACH: half of the softening's five taps */
+
+/* Each plane's line of w to one of width: between columns i - 1 and i from starts[i] on, AT_ONCE
+   at a time; what is written too far is written again by the next. `lefts` and `steps` hold w + 1
+   for each plane, `out` across. */
+INLINE void widen(const float *lefts, const float *steps, int64_t planes, int64_t w, int64_t across,
+                  const int32_t *starts, const float *shares, float *restrict out)
+{
+    for (int64_t i = 0; i <= w; i++) {
+        int32_t x = starts[i];
+        do
+            for (int64_t p = 0; p < planes; p++) {
+                float left = lefts[p * (w + 1) + i], step = steps[p * (w + 1) + i];
+                for (int k = 0; k < AT_ONCE; k++)
+                    out[p * across + x + k] = left + step * shares[x + k];
+            }
+        while ((x += AT_ONCE) < starts[i + 1]);
+    }
+}
+
+/* See native.guide_rows. */
+CLONED void itmo_guide_rows(const float *codes, int64_t first, int64_t code_rows, int64_t rows,
+                            int64_t width, const float *small, int64_t planes, int64_t h, int64_t w,
+                            const int64_t *above, const float *parts, const int32_t *starts,
+                            const float *shares, int64_t guards, int64_t edge_aware, float *scratch,
+                            float *ratio, float *maps)
+{
+    int64_t across = width + 2 * AT_ONCE, after = guards ? 2 : 0;
+    float *lefts = scratch, *steps = lefts + planes * (w + 1), *soft = steps + planes * (w + 1);
+    float *summed = soft + across, *wide = summed + across;
+    for (int64_t row = 0; row < rows; row++) {
+        const float *code = codes + (first + row) * width;
+        for (int64_t p = 0; p < planes; p++) {
+            const float *upper = small + (p * h + above[row]) * w;
+            const float *lower = above[row] + 1 < h ? upper + w : upper;
+            float part = parts[row], rest = 1 - part;
+            float *restrict left = lefts + p * (w + 1), *restrict step = steps + p * (w + 1);
+            for (int64_t x = 0; x < w; x++)
+                left[x + 1] = upper[x] * rest + lower[x] * part;
+            left[0] = left[1];
+            for (int64_t x = 0; x < w; x++)
+                step[x] = left[x + 1] - left[x];
+            step[w] = 0;
+        }
+        widen(lefts, steps, planes, w, across, starts, shares, wide);
+        if (guards) {
+            float *restrict out = ratio + row * width;
+            const float *slope = wide, *offset = wide + across;
+            for (int64_t x = 0; x < width; x++) {
+                float light = code[x] > 0.02f ? code[x] : 0.02f;
+                out[x] = between((slope[x] * code[x] + offset[x]) / light, -0.5f, 1) + 1;
+            }
+        }
+        if (!edge_aware) {
+            for (int64_t p = after; p < planes; p++)
+                memcpy(maps + ((p - after) * rows + row) * width, wide + p * across,
+                       width * sizeof *maps);
+            continue;
+        }
+        const float *line[2 * REACH + 1];
+        for (int64_t k = -REACH; k <= REACH; k++) {
+            int64_t at = first + row + k;
+            line[k + REACH] = codes + (at < 0 ? 0 : at < code_rows ? at : code_rows - 1) * width;
+        }
+        for (int64_t x = 0; x < width; x++)
+            summed[REACH + x] = ((line[0][x] + line[4][x]) + 4 * (line[1][x] + line[3][x])
+                                 + 6 * line[2][x]) * (1 / 16.0f);
+        for (int64_t k = 0; k < REACH; k++) {
+            summed[k] = summed[REACH];
+            summed[REACH + width + k] = summed[REACH + width - 1];
+        }
+        for (int64_t x = 0; x < width; x++)
+            soft[x] = ((summed[x] + summed[x + 4]) + 4 * (summed[x + 1] + summed[x + 3])
+                       + 6 * summed[x + 2]) * (1 / 16.0f);
+        for (int64_t p = after; p + 1 < planes; p += 2) {
+            float *restrict out = maps + ((p - after) / 2 * rows + row) * width;
+            const float *slope = wide + p * across, *offset = slope + across;
+            for (int64_t x = 0; x < width; x++)
+                out[x] = between(slope[x] * soft[x] + offset[x], 0, 1);
+        }
+    }
+}
+
 int itmo_version(void)
 {
-    return 1;
+    return 3;
 }

@@ -5,15 +5,21 @@ from __future__ import annotations
 import ctypes
 import functools
 import sys
+from collections.abc import Sequence
 from pathlib import Path
+from typing import TypeAlias, cast
 
 import numpy as np
 import numpy.typing as npt
 
 Bytes2D = npt.NDArray[np.uint8]
+Codes: TypeAlias = npt.NDArray[np.uint8] | npt.NDArray[np.uint16]
+Float32 = npt.NDArray[np.float32]
+Indices = npt.NDArray[np.int64]
 
-_VERSION = 1  # of native.c's functions
+_VERSION = 3  # of native.c's functions
 _BLOCK_ROOM = 2 * 1024 + 32  # HEADER_ROOM for both blocks, zlib's own bytes and the writer's last
+_AT_ONCE = 8  # AT_ONCE in native.c
 
 
 @functools.lru_cache(maxsize=1)
@@ -31,6 +37,20 @@ def library() -> ctypes.CDLL | None:
     size, pointer = ctypes.c_int64, ctypes.c_void_p
     loaded.itmo_pack_literals.argtypes = [pointer, size, size, pointer, pointer]
     loaded.itmo_pack_literals.restype = None
+    loaded.itmo_ycbcr_rows.argtypes = [
+        pointer, pointer, pointer, size, pointer, size,
+        size, size, size, size, size, size, size,
+        pointer, pointer, ctypes.c_float, pointer, pointer, pointer, pointer,
+    ]  # fmt: skip
+    loaded.itmo_drive.argtypes = [pointer, pointer, pointer, pointer, pointer, size, pointer]
+    loaded.itmo_ycbcr_rows.restype = loaded.itmo_drive.restype = None
+    loaded.itmo_guide_rows.argtypes = [
+        pointer, size, size, size, size,
+        pointer, size, size, size,
+        pointer, pointer, pointer, pointer,
+        size, size, pointer, pointer, pointer,
+    ]  # fmt: skip
+    loaded.itmo_guide_rows.restype = None
     return loaded
 
 
@@ -49,3 +69,102 @@ def pack_literals(loaded: ctypes.CDLL, rows: Bytes2D) -> list[bytes]:
     loaded.itmo_pack_literals(rows.ctypes.data, count, size, out.ctypes.data, ends.ctypes.data)
     starts = [0, *ends[:-1].tolist()]
     return [out[a:b].tobytes() for a, b in zip(starts, ends.tolist(), strict=True)]
+
+
+def ycbcr_rows(
+    loaded: ctypes.CDLL,
+    planes: Sequence[Codes],
+    rows: slice,
+    sites: tuple[float | None, float | None],
+    levels: tuple[float, float, float, float],
+    matrix: tuple[float, float, float, float],
+    exponent: float | None,
+    out: Sequence[Float32],
+) -> None:
+    """Some rows of a picture's Y'CbCr as R'G'B' into three float32 arrays of (rows, width).
+
+    `planes` are whole, uint8 or uint16, chroma as large as luma or half as wide, and half as high,
+    where `sites` (across, down) are not None but chroma.siting_offset's. `levels` are the codes of
+    black and of white above it, then those of no chroma and of chroma's range; `matrix` what Cr
+    adds to red, Cb to blue, Cr to green and Cb to green, for each of its range. With an `exponent`
+    (2 to 4) limited to [0, 1] and raised to it, within 6e-6. Any strip has the same bytes.
+    """
+    luma, cb, cr = (_in_lines(plane) for plane in planes)
+    height, width = cb.shape
+    strides = np.array([cb.strides[0], cr.strides[0]], np.int64)
+    across, down = (-1 if site is None else round(2 * site) for site in sites)
+    scratch = np.empty(5 * width + 2 + luma.shape[1], np.float32)
+    level, factor = np.array(levels, np.float32), np.array(matrix, np.float32)
+    loaded.itmo_ycbcr_rows(
+        luma.ctypes.data, cb.ctypes.data, cr.ctypes.data,
+        luma.strides[0], strides.ctypes.data, luma.itemsize,
+        luma.shape[1], width, height, rows.start, rows.stop - rows.start, across, down,
+        level.ctypes.data, factor.ctypes.data, exponent or 0, scratch.ctypes.data,
+        *(plane.ctypes.data for plane in out),
+    )  # fmt: skip
+
+
+def _in_lines(plane: Codes) -> Codes:
+    """The plane, or a copy whose lines are without gaps between codes of this machine's kind."""
+    if plane.strides[1] == plane.itemsize and plane.dtype.isnative:
+        return plane
+    return cast(Codes, np.ascontiguousarray(plane, plane.dtype.newbyteorder("=")))
+
+
+def drive(
+    loaded: ctypes.CDLL, rgb: Sequence[Float32], weights: Sequence[float], ratio: Float32 | None
+) -> Float32:
+    """The weighted sum of three planes, times `ratio` if any, limited to [0, 1]: a new array.
+
+    All contiguous float32 of one shape.
+    """
+    out = np.empty_like(rgb[0])
+    factor = np.array(weights, np.float32)
+    loaded.itmo_drive(
+        *(plane.ctypes.data for plane in rgb), factor.ctypes.data,
+        None if ratio is None else ratio.ctypes.data, out.size, out.ctypes.data,
+    )  # fmt: skip
+    return out
+
+
+def guide_rows(
+    loaded: ctypes.CDLL,
+    codes: Float32,
+    small: Float32,
+    between: tuple[Indices, Float32],
+    *,
+    first: int,
+    guards: bool,
+    edge_aware: bool,
+) -> tuple[list[Float32], Float32 | None]:
+    """`guide.Guidance.rows` of the coefficients `small` (planes, h, w): the maps and the ratio.
+
+    `codes` (rows, width) are luma's, with up to two rows more on either side, of which `first` lie
+    above; `between` tells for each row the row of `small` above it, and the share of the one below.
+    With `guards` the first two planes are the ratio's. Any strip has the same bytes.
+    """
+    above, parts = between
+    rows, (planes, h, w), width = len(above), small.shape, codes.shape[1]
+    codes, small = np.ascontiguousarray(codes), np.ascontiguousarray(small)
+    starts, shares = _columns_between(w, width)
+    ratio = np.empty((rows, width), np.float32) if guards else None
+    count = (planes - 2 * guards) // (2 if edge_aware else 1)
+    maps = np.empty((count, rows, width), np.float32)
+    scratch = np.empty(2 * planes * (w + 1) + (planes + 2) * (width + 2 * _AT_ONCE), np.float32)
+    loaded.itmo_guide_rows(
+        codes.ctypes.data, first, codes.shape[0], rows, width,
+        small.ctypes.data, planes, h, w,
+        above.ctypes.data, parts.ctypes.data, starts.ctypes.data, shares.ctypes.data,
+        guards, edge_aware, scratch.ctypes.data,
+        None if ratio is None else ratio.ctypes.data, maps.ctypes.data,
+    )  # fmt: skip
+    return list(maps), ratio
+
+
+@functools.lru_cache(maxsize=8)
+def _columns_between(small_width: int, width: int) -> tuple[npt.NDArray[np.int32], Float32]:
+    """The first column right of the middle of each small one, and each column's share of it."""
+    x = (np.arange(width + _AT_ONCE) + 0.5) * (small_width / width) - 0.5
+    left = np.floor(x)
+    starts = np.searchsorted(left[:width], np.arange(-1, small_width + 1)).astype(np.int32)
+    return starts, (x - left).astype(np.float32)

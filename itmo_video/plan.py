@@ -24,7 +24,7 @@ from itmo_video.reader import Clip
 from itmo_video.settings import Settings
 from itmo_video.tags import InputOptions
 
-ALGORITHM = 3  # raise it whenever the same settings give other pixels
+ALGORITHM = 4  # raise it whenever the same settings give other pixels
 
 
 @dataclass(frozen=True)

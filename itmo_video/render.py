@@ -8,11 +8,12 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from itmo_video import colour, linear_light
+from itmo_video import colour, linear_light, native
 from itmo_video.guide import Guidance, analysis_guide
 from itmo_video.look import Look, context_of
 from itmo_video.luminance import frame_luminance, luminance_of, strip_buffers, strips
 from itmo_video.model import Float32, Float64, Frame, Half
+from itmo_video.operators import LUMINANCE_WEIGHTS
 
 HALF_MAX = 65504.0
 _LEAST_FOR_CV2 = 64  # cv2 takes arrays of up to four elements for scalars
@@ -75,8 +76,7 @@ def render(
             for gain in gains:
                 _weighed(gain, [], 1, settings.strength)
         else:
-            luminance = luminance_of(rgb)
-            gain = look.operator.gain(_drive(luminance, denoise, luminance), context)
+            gain = look.operator.gain(_drive(rgb, denoise), context)
             gains = _weighed(gain, maps, base if maps else 1, settings.strength)
         _fill_layers(layers, rows, rgb, gains, maps)
         if alpha is not None:
@@ -86,11 +86,14 @@ def render(
     return Rendered((out[0], out[1], out[2]), half_alpha, layers)
 
 
-def _drive(light: Float32, denoise: Float32 | None, out: Float32) -> Float32:
+def _drive(rgb: Sequence[Float32], denoise: Float32 | None) -> Float32:
     """What a gain is found from: luminance, denoised if so wished, in [0, 1]."""
+    if (loaded := native.library()) is not None:
+        return native.drive(loaded, rgb, LUMINANCE_WEIGHTS, denoise)
+    light = luminance_of(rgb)
     if denoise is not None:
-        light = np.multiply(light, denoise, out=out)
-    return np.clip(light, 0, 1, out=out)
+        light *= denoise
+    return np.clip(light, 0, 1, out=light)
 
 
 def _weighed(gain: Float32, maps: Sequence[Float32], base: float, strength: float) -> list[Float32]:

@@ -12,7 +12,7 @@ import numpy.typing as npt
 from itmo_video.model import Float32
 
 Floats: TypeAlias = npt.NDArray[np.floating[Any]]
-Indices: TypeAlias = npt.NDArray[np.intp]
+Indices: TypeAlias = npt.NDArray[np.int64]
 
 
 def upsample_rows(
@@ -25,9 +25,9 @@ def upsample_rows(
     beside its first.
     """
     height, width = shape_hw
-    above, below, part, rest = _rows_between(rows.start, rows.stop, maps_small.shape[-2], height)
-    strip = maps_small[..., above, :] * rest
-    strip += maps_small[..., below, :] * part
+    above, below, part, rest = rows_between(rows.start, rows.stop, maps_small.shape[-2], height)
+    strip = maps_small[..., above, :] * rest[:, None]
+    strip += maps_small[..., below, :] * part[:, None]
     small_w = strip.shape[-1]
     if small_w == width:
         return np.asarray(strip, np.float32)
@@ -43,15 +43,15 @@ def upsample_rows(
 
 
 @functools.lru_cache(maxsize=256)  # the strips of a frame of 8K
-def _rows_between(
+def rows_between(
     start: int, stop: int, small_height: int, height: int
 ) -> tuple[Indices, Indices, Float32, Float32]:
     """The small rows above and below each full row, and the shares of the lower and the upper."""
     y = (np.arange(start, stop) + 0.5) * (small_height / height) - 0.5
     y = np.clip(y, 0, small_height - 1)
-    above = np.minimum(y.astype(np.intp), max(small_height - 2, 0))
+    above = np.minimum(y.astype(np.int64), max(small_height - 2, 0))
     below = np.minimum(above + 1, small_height - 1)
-    part = (y - above).astype(np.float32)[:, None]
+    part = (y - above).astype(np.float32)
     return above, below, part, np.float32(1) - part
 
 

@@ -1,6 +1,22 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
+import pytest
+
+from itmo_video import native
+
 sys.path.insert(0, str(Path(__file__).parent))
+
+
+@pytest.fixture(scope="module", params=["compiled", "libraries"])
+def loops(request: pytest.FixtureRequest) -> Iterator[None]:
+    """What native.c does, done by it and then by NumPy and OpenCV, as without a compiler."""
+    if request.param == "compiled" and native.library() is None:
+        pytest.skip("installed without a C compiler")
+    with pytest.MonkeyPatch.context() as patch:
+        if request.param == "libraries":
+            patch.setattr(native, "library", lambda: None)
+        yield

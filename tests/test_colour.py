@@ -13,6 +13,8 @@ import pytest
 from itmo_video import chroma, colour, linear_light
 from itmo_video.model import ChromaSiting, Encoding, Frame
 
+pytestmark = pytest.mark.usefixtures("loops")
+
 RATIO = {"420": (2, 2), "422": (2, 1), "440": (1, 2), "444": (1, 1)}
 SDR = ("bt1886", "srgb", "gamma22", "linear")
 

@@ -19,6 +19,8 @@ from itmo_video import atomic, exr
 from itmo_video.errors import InputError, OutputError
 from itmo_video.settings import COMPRESSIONS
 
+pytestmark = pytest.mark.usefixtures("loops")
+
 REPOSITORY = Path(__file__).parents[1]
 REC709 = (0.64, 0.33, 0.3, 0.6, 0.15, 0.06, 0.3127, 0.329)
 LOSSY = {"b44": 0.05, "dwaa": 0.02, "dwab": 0.02}  # of the range of the smooth test picture

@@ -12,6 +12,8 @@ from itmo_video.linear_light import to_rgb_linear
 from itmo_video.luminance import frame_luminance, frame_rgb_small
 from itmo_video.model import Encoding, Frame
 
+pytestmark = pytest.mark.usefixtures("loops")
+
 
 def noise(width: int, height: int) -> Frame:
     rng = np.random.default_rng(0)

@@ -9,7 +9,10 @@ import numpy as np
 import pytest
 from hypothesis import example, given
 
-from itmo_video import exr, native
+from itmo_video import exr, make_settings, native
+from itmo_video.guide import Guidance, analysis_guide
+from itmo_video.luminance import strips
+from itmo_video.model import Encoding, Frame
 
 loaded = native.library()
 compiled = pytest.mark.skipif(loaded is None, reason="installed without a C compiler")
@@ -122,3 +125,75 @@ def test_what_repeats_is_left_to_matches(tmp_path, monkeypatch, compression):
 def test_another_version_of_the_library_is_not_used(monkeypatch):
     monkeypatch.setattr(native, "_VERSION", -1)
     assert native.library.__wrapped__() is None
+
+
+# ---- maps and luminance (test_colour.py holds linear light against the equations) ----
+
+
+@pytest.fixture
+def by_libraries(monkeypatch):
+    """Call a function as if nothing had been compiled."""
+
+    def call(function, *arguments):
+        with monkeypatch.context() as patch:
+            patch.setattr(native, "library", lambda: None)
+            return function(*arguments)
+
+    return call
+
+
+@compiled
+@given(st.integers(0, 2**32 - 1), st.floats(2, 3))
+def test_power(seed, gamma):
+    """One line of grey: codes to light by a float64 power, from the darkest step to white."""
+    codes = np.random.default_rng(seed).integers(4097, 60161, (1, 64)).astype(np.uint16)
+    codes[0, :2] = 4096, 60160  # black and white of 16 bits
+    flat = np.full((1, 64), 32768, np.uint16)
+    out = [np.empty((1, 64), np.float32) for _ in range(3)]
+    levels = (4096.0, 56064.0, 32768.0, 57344.0)
+    native.ycbcr_rows(
+        loaded, (codes, flat, flat), slice(0, 1), (None, None), levels, (1, 1, 1, 1), gamma, out
+    )
+    want = ((codes - 4096.0) / 56064) ** gamma
+    np.testing.assert_allclose(out[1], want, rtol=6e-6, atol=1e-15)
+    assert out[1][0, 0] == 0
+    assert out[1][0, 1] == 1
+
+
+@compiled
+@pytest.mark.parametrize("edge_aware", [True, False])
+@pytest.mark.parametrize("guards", [True, False])
+@pytest.mark.parametrize("channels", [0, 1, 3])
+@pytest.mark.parametrize("size", [(96, 128), (270, 480), (131, 517)])
+def test_guidance(by_libraries, size, channels, guards, edge_aware):
+    settings = make_settings("default", noise_guard=guards, map_width=128)
+    rng = np.random.default_rng(8)
+    encoding = Encoding("grey", 8, "bt709", "limited", "bt1886", "rec709")
+    frame = Frame(0, Fraction(0), (rng.integers(0, 256, size, dtype=np.uint8),), encoding)
+    guide = analysis_guide(frame, 128)
+    maps = None
+    if channels:
+        shape = guide.shape if channels == 1 else (*guide.shape, 3)
+        maps = rng.random(shape, np.float32)
+    guidance = Guidance(frame, guide, settings, maps, edge_aware)
+    for rows in strips(size[0]):
+        ours, ratio = guidance.rows(rows)
+        theirs, want = by_libraries(guidance.rows, rows)
+        assert len(ours) == len(theirs) == channels
+        for part, other in zip(ours, theirs, strict=True):
+            np.testing.assert_allclose(part, other, atol=2e-6)
+        assert (ratio is None) == (want is None) == (not guards)
+        if ratio is not None:
+            np.testing.assert_allclose(ratio, want, atol=4e-6)
+
+
+@compiled
+@pytest.mark.parametrize("with_ratio", [True, False])
+def test_drive(with_ratio):
+    rng = np.random.default_rng(9)
+    rgb = [rng.normal(0.5, 0.5, (5, 67)).astype(np.float32) for _ in range(3)]
+    ratio = rng.random((5, 67), np.float32) if with_ratio else None
+    weights = (0.213, 0.715, 0.072)
+    want = sum(w * plane.astype(np.float64) for w, plane in zip(weights, rgb, strict=True))
+    want = np.clip(want * (1 if ratio is None else ratio), 0, 1)
+    np.testing.assert_allclose(native.drive(loaded, rgb, weights, ratio), want, atol=1e-6)

@@ -12,6 +12,8 @@ from clips import write_ffv1
 from itmo_video import RunOptions, convert, make_settings
 from itmo_video.exr import read_exr
 
+pytestmark = pytest.mark.usefixtures("loops")
+
 CODES = np.arange(256, dtype=np.uint8)
 
 

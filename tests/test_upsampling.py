@@ -11,6 +11,8 @@ import pytest
 
 from itmo_video.upsampling import edge_aware_coefficients, upsample_rows
 
+pytestmark = pytest.mark.usefixtures("loops")
+
 Map = npt.NDArray[np.float32]
 
 
