@@ -74,18 +74,19 @@ def camera_motion_px(here: Code, flow: Float32) -> Float32:
     texture = cv2.blur(slope, (CAMERA_STEP_PX, CAMERA_STEP_PX))[places].ravel().astype(np.float64)
     if not texture.any():
         return np.zeros_like(flow)
-    vectors = flow[places].reshape(-1, 2).astype(np.float64)
+    vectors = np.ascontiguousarray(flow[places].reshape(-1, 2).T, np.float64)
     across, down = np.meshgrid(x / width - 0.5, y / height - 0.5)
-    terms = np.stack([np.ones(across.size), across.ravel(), down.ravel()], 1)
-    outer = (terms[:, :, None] * terms[:, None, :]).reshape(-1, 9)
-    targets = (terms[:, :, None] * vectors[:, None, :]).reshape(-1, 6)
+    terms = np.stack([np.ones(across.size), across.ravel(), down.ravel()])
+    # What the normal equations' two sides add up, each place's share a column.
+    products = (terms[:, None] * np.concatenate([terms, vectors])).reshape(15, -1)
     weight, model = texture, np.zeros((3, 2))
     for sigma_px in CAMERA_SIGMAS_PX:
         # einsum, as BLAS may add up in another order on another machine of a cluster
-        normal = np.einsum("n,nk->k", weight, outer).reshape(3, 3)
+        sides = np.einsum("kn,n->k", products, weight).reshape(3, 5)
+        normal = sides[:, :3]
         normal[[1, 2], [1, 2]] += 1e-6 * normal[0, 0]  # texture in a single place leaves no slope
-        model = np.linalg.solve(normal, np.einsum("n,nk->k", weight, targets).reshape(3, 2))
-        off = np.square(vectors - np.einsum("ni,ij->nj", terms, model)).sum(1)
+        model = np.linalg.solve(normal, sides[:, 3:])
+        off = np.square(vectors - np.einsum("in,ij->jn", terms, model)).sum(0)
         weight = texture / np.square(1 + off / sigma_px**2)
     # From shares of the picture's sides to pixels.
     model[1:] /= [[width], [height]]
