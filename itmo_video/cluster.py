@@ -67,7 +67,7 @@ def _connected(address: str, job: Job) -> Iterator[Client]:
                 processes=True,
                 dashboard_address="127.0.0.1:0",  # None would mean 8787 for all the world, if free
                 memory_limit=0,  # the pipeline bounds its own; a worker must not be killed for it
-                silence_logs=logging.ERROR,
+                silence_logs=logging.CRITICAL,  # heartbeats to what has just been closed
                 local_directory=scratch,  # the common one fills with what killed workers left
                 preload="itmo_video.chunks",  # see its dask_setup
             ) as cluster,
