@@ -1,11 +1,13 @@
 """The keyframe scheduler: smoothed key maps, and the spans of frames between two keys.
 
 Everything is decided from a bounded window of frames, so any range renders to the same bytes.
+Maps and flows are made in a pool, beside decoding; who needs one waits for it.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import Executor, Future
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,9 +22,9 @@ class Key:
     """A keyframe: its picture, its own map, and flows to the neighbouring keys of its shot."""
 
     placed: Placed
-    raw_map: Float32
-    to_previous: Float32 | None = None
-    to_next: Float32 | None = None
+    raw_map: Future[Float32]
+    to_previous: Future[Float32] | None = None
+    to_next: Future[Float32] | None = None
 
     @property
     def grey(self) -> Code:
@@ -39,9 +41,9 @@ class Span:
     """
 
     left_index: int
-    left: tuple[Code, Float32]
+    left: tuple[Code, Future[Float32]]
     right_index: int | None
-    right: tuple[Code, Float32] | None
+    right: tuple[Code, Future[Float32]] | None
     frames: tuple[Analysed, ...]
     flashes: frozenset[int] = frozenset()
 
@@ -63,7 +65,7 @@ def smooth_map(keys: Sequence[Key], at: int, reach: int) -> Float32:
     key to key. `keys` are neighbours in one shot, `at` the position of the key wanted.
     """
     centre = keys[at]
-    total = centre.raw_map.copy()
+    total = centre.raw_map.result().copy()
     weight = np.ones_like(total)
     for step in (-1, 1):
         flow: Float32 | None = None
@@ -72,9 +74,9 @@ def smooth_map(keys: Sequence[Key], at: int, reach: int) -> Float32:
             behind = keys[i - step]
             link = behind.to_previous if step < 0 else behind.to_next
             assert link is not None
-            flow = link if flow is None else warp.compose(flow, link)
+            flow = link.result() if flow is None else warp.compose(flow, link.result())
             agreement = warp.spread(warp.agreement(centre.grey, keys[i].grey, flow), total)
-            total += agreement * warp.warp(keys[i].raw_map, flow)
+            total += agreement * warp.warp(keys[i].raw_map.result(), flow)
             weight += agreement
     return total / weight
 
@@ -85,20 +87,22 @@ def spans(
     smooth_keys: int,
     first_needed: int,
     is_wanted: Callable[[Sequence[Analysed]], bool],
+    pool: Executor,
 ) -> Iterator[Span]:
     """Pair the frames with the keys on either side, in order, each key's map made once.
 
     Keys from index `first_needed` on are made; earlier frames only settled where shots begin.
-    Only spans some of whose frames `is_wanted` come out.
+    Only spans some of whose frames `is_wanted` come out. What is made in the `pool` waits only for
+    what was given to it before, so one that begins its work in order cannot come to a stop.
     """
     shot: list[Key] = []  # the recent keys of the current shot, oldest first
     waiting: list[tuple[Key, list[Placed]]] = []  # spans whose maps wait for later keys
-    smoothed: dict[int, Float32] = {}
+    smoothed: dict[int, Future[Float32]] = {}
 
-    def smooth(key: Key) -> Float32:
+    def smooth(key: Key) -> Future[Float32]:
         index = key.placed.analysed.index
         if index not in smoothed:
-            smoothed[index] = smooth_map(shot, shot.index(key), smooth_keys)
+            smoothed[index] = pool.submit(smooth_map, tuple(shot), shot.index(key), smooth_keys)
         return smoothed[index]
 
     def ready(count_ahead: int) -> Iterator[Span]:
@@ -116,10 +120,10 @@ def spans(
         if item.analysed.index < first_needed:
             continue
         if item.is_key:
-            key = Key(item, make_map(item.analysed))
+            key = Key(item, pool.submit(make_map, item.analysed))
             if shot and smooth_keys:
-                key.to_previous = warp.flow_px(key.grey, shot[-1].grey)
-                shot[-1].to_next = warp.flow_px(shot[-1].grey, key.grey)
+                key.to_previous = pool.submit(warp.flow_px, key.grey, shot[-1].grey)
+                shot[-1].to_next = pool.submit(warp.flow_px, shot[-1].grey, key.grey)
             shot.append(key)
             waiting.append((key, [item]))
             yield from ready(smooth_keys)
@@ -137,10 +141,10 @@ def spans(
 
 def _span(
     left: Key,
-    left_map: Float32,
+    left_map: Future[Float32],
     frames: list[Placed],
     right: Key | None,
-    right_map: Float32 | None,
+    right_map: Future[Float32] | None,
 ) -> Span:
     return Span(
         left.placed.analysed.index,

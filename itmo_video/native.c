@@ -419,6 +419,87 @@ CLONED void itmo_drive(const float *red, const float *green, const float *blue, 
     }
 }
 
+/* ---- the guided filter, at analysis size ---- */
+
+/* Window sums of one row of column sums: `columns` hold w + 2 * radius + 1 for each plane, zeros
+   left of the picture (radius + 1) and right of it (radius). */
+INLINE void window_sums(const double *columns, int planes, int64_t w, int64_t radius,
+                        double *restrict steps, double *restrict sums)
+{
+    int64_t across = w + 2 * radius + 1;
+    double sum[4] = {0};
+    for (int p = 0; p < planes; p++) {
+        const double *column = columns + p * across;
+        for (int64_t x = 0; x < (radius < w ? radius : w); x++)
+            sum[p] += column[radius + 1 + x];
+        for (int64_t x = 0; x < w; x++)
+            steps[p * w + x] = column[x + 2 * radius + 1] - column[x];
+    }
+    for (int64_t x = 0; x < w; x++)
+        for (int p = 0; p < planes; p++) /* side by side, as each waits for its own last */
+            sums[p * w + x] = sum[p] += steps[p * w + x];
+}
+
+/* A row of two planes, with `products` their guide * guide and guide * map as well, into the column
+   sums or, by a sign of -1, out of them. */
+INLINE void add_row(const float *one, const float *other, int products, double sign, int64_t w,
+                    int64_t across, double *restrict columns)
+{
+    for (int64_t x = 0; x < w; x++)
+        columns[x] += sign * one[x];
+    for (int64_t x = 0; x < w; x++)
+        columns[across + x] += sign * other[x];
+    for (int64_t x = 0; products && x < w; x++)
+        columns[2 * across + x] += sign * (one[x] * one[x]);
+    for (int64_t x = 0; products && x < w; x++)
+        columns[3 * across + x] += sign * (one[x] * other[x]);
+}
+
+/* See native.guided_coefficients. `scratch` holds 4 * (3 * w + 2 * radius + 1) doubles. */
+CLONED void itmo_guided_coefficients(const float *map, const float *guide, int64_t h, int64_t w,
+                                     int64_t radius, float epsilon, const float *share,
+                                     double *scratch, float *between_a, float *between_b,
+                                     float *out_a, float *out_b)
+{
+    int64_t across = w + 2 * radius + 1;
+    double *columns = scratch, *inner = columns + radius + 1, *steps = columns + 4 * across;
+    double *sums = steps + 4 * w;
+    for (int pass = 0; pass < 2; pass++) {
+        const float *one = pass ? between_a : guide, *other = pass ? between_b : map;
+        memset(columns, 0, 4 * across * sizeof *columns);
+        for (int64_t y = -radius; y < h; y++) {
+            int64_t enters = y + radius, leaves = y - radius - 1;
+            if (enters < h)
+                add_row(one + enters * w, other + enters * w, !pass, 1, w, across, inner);
+            if (leaves >= 0)
+                add_row(one + leaves * w, other + leaves * w, !pass, -1, w, across, inner);
+            if (y < 0)
+                continue;
+            const float *part = share + y * w;
+            float *restrict a = (pass ? out_a : between_a) + y * w;
+            float *restrict b = (pass ? out_b : between_b) + y * w;
+            if (pass) {
+                window_sums(columns, 2, w, radius, steps, sums);
+                for (int64_t x = 0; x < w; x++) {
+                    a[x] = (float)sums[x] * part[x];
+                    b[x] = (float)sums[w + x] * part[x];
+                }
+                continue;
+            }
+            window_sums(columns, 4, w, radius, steps, sums);
+            for (int64_t x = 0; x < w; x++) {
+                float mean = (float)sums[x] * part[x], map_mean = (float)sums[w + x] * part[x];
+                float variance = (float)sums[2 * w + x] * part[x] - mean * mean;
+                float covariance = (float)sums[3 * w + x] * part[x] - mean * map_mean;
+                variance = variance > 0 ? variance : 0;
+                covariance = map == guide ? variance : covariance;
+                a[x] = covariance / (variance + epsilon);
+                b[x] = map_mean - a[x] * mean;
+            }
+        }
+    }
+}
+
 /* ---- maps and the noise guard, brought up to rows of the picture ---- */
 
 enum { AT_ONCE = 8, REACH = 2 }; /* REACH: half of the softening's five taps */
@@ -506,5 +587,5 @@ CLONED void itmo_guide_rows(const float *codes, int64_t first, int64_t code_rows
 
 int itmo_version(void)
 {
-    return 3;
+    return 4;
 }

@@ -17,7 +17,7 @@ Codes: TypeAlias = npt.NDArray[np.uint8] | npt.NDArray[np.uint16]
 Float32 = npt.NDArray[np.float32]
 Indices = npt.NDArray[np.int64]
 
-_VERSION = 3  # of native.c's functions
+_VERSION = 4  # of native.c's functions
 _BLOCK_ROOM = 2 * 1024 + 32  # HEADER_ROOM for both blocks, zlib's own bytes and the writer's last
 _AT_ONCE = 8  # AT_ONCE in native.c
 
@@ -51,6 +51,10 @@ def library() -> ctypes.CDLL | None:
         size, size, pointer, pointer, pointer,
     ]  # fmt: skip
     loaded.itmo_guide_rows.restype = None
+    loaded.itmo_guided_coefficients.argtypes = [
+        pointer, pointer, size, size, size, ctypes.c_float, *[pointer] * 6,
+    ]  # fmt: skip
+    loaded.itmo_guided_coefficients.restype = None
     return loaded
 
 
@@ -125,6 +129,29 @@ def drive(
         None if ratio is None else ratio.ctypes.data, out.size, out.ctypes.data,
     )  # fmt: skip
     return out
+
+
+def guided_coefficients(
+    loaded: ctypes.CDLL,
+    map_small: Float32,
+    guide_small: Float32,
+    radius_px: int,
+    epsilon: float,
+    share: Float32,
+) -> tuple[Float32, Float32]:
+    """`upsampling.edge_aware_coefficients`; `share` is one over the pixels of each window."""
+    is_same = map_small is guide_small
+    guide_small, share = np.ascontiguousarray(guide_small), np.ascontiguousarray(share)
+    map_small = guide_small if is_same else np.ascontiguousarray(map_small)
+    height, width = guide_small.shape
+    scratch = np.empty(4 * (3 * width + 2 * radius_px + 1), np.float64)
+    between, out = np.empty((2, height, width), np.float32), np.empty((2, height, width), np.float32)
+    loaded.itmo_guided_coefficients(
+        map_small.ctypes.data, guide_small.ctypes.data, height, width,
+        radius_px, epsilon, share.ctypes.data, scratch.ctypes.data,
+        between[0].ctypes.data, between[1].ctypes.data, out[0].ctypes.data, out[1].ctypes.data,
+    )  # fmt: skip
+    return out[0], out[1]
 
 
 def guide_rows(

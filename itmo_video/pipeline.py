@@ -1,11 +1,18 @@
-"""Spans of frames through a bounded pool of threads: decode and keys in order, rendering apart."""
+"""Spans of frames through a bounded pool of threads: decoded in order, keys and rendering apart."""
 
 from __future__ import annotations
 
 import os
 import threading
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, FIRST_EXCEPTION, Future, ThreadPoolExecutor, wait
+from concurrent.futures import (
+    FIRST_COMPLETED,
+    FIRST_EXCEPTION,
+    Executor,
+    Future,
+    ThreadPoolExecutor,
+    wait,
+)
 from dataclasses import dataclass
 
 import cv2
@@ -97,9 +104,12 @@ def analysed_frames(clip: Clip, run: Run, look: Look) -> Iterator[Analysed]:
 
 
 def spans_of(
-    clip: Clip, run: Run, look: Look, on_end: Callable[[Exception], None]
+    clip: Clip, run: Run, look: Look, on_end: Callable[[Exception], None], pool: Executor
 ) -> Iterator[Span]:
-    """The run's spans in order, until its last wanted frame; a broken end ends the last shot."""
+    """The run's spans in order, until its last wanted frame; a broken end ends the last shot.
+
+    Their maps are made in the `pool`.
+    """
 
     def source() -> Iterator[Analysed]:
         try:
@@ -119,6 +129,7 @@ def spans_of(
         settings.smooth_reach if look.needs_map else 0,
         run.keys,
         lambda frames: any(a.index in run.wanted for a in frames),
+        pool,
     )
     for span in spans:
         yield span
@@ -148,11 +159,13 @@ def map_between(span: Span, analysed: Analysed, look: Look) -> Float32:
     if index in span.flashes:
         return make_key_map(analysed.frame, look)
     if span.right is None or span.right_index is None or index == span.left_index:
-        return span.left[1]
+        return span.left[1].result()
     t = (index - span.left_index) / (span.right_index - span.left_index)
+    (left, left_map), (right, right_map) = span.left, span.right
     if look.settings.temporal == "blend":
-        return warp.blend_maps(span.left[1], span.right[1], t, 1.0, 1.0)
-    return warp.track_map(analysed.grey, span.left, span.right, t)
+        return warp.blend_maps(left_map.result(), right_map.result(), t, 1.0, 1.0)
+    keys = (left, left_map.result()), (right, right_map.result())
+    return warp.track_map(analysed.grey, *keys, t)
 
 
 def render_frames(
@@ -187,7 +200,7 @@ def render_frames(
     pool = ThreadPoolExecutor(jobs, thread_name_prefix="span")
     try:
         for run in plan_runs(wanted, look):
-            for span in spans_of(clip, run, look, on_end):
+            for span in spans_of(clip, run, look, on_end, pool):
                 while len(pending) > jobs:
                     finished, pending = wait(pending, return_when=FIRST_COMPLETED)
                     for future in finished:

@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from itmo_video import native
 from itmo_video.model import Float32
 
 Floats: TypeAlias = npt.NDArray[np.floating[Any]]
@@ -72,6 +73,10 @@ def edge_aware_coefficients(
     if radius_px < 0 or not epsilon > 0.0:
         raise ValueError(f"needs radius_px >= 0 and epsilon > 0, not {radius_px}, {epsilon}")
     share = _window_share(*map_small.shape, radius_px)
+    if (loaded := native.library()) is not None:
+        return native.guided_coefficients(
+            loaded, map_small, guide_small, radius_px, epsilon, share
+        )
 
     def mean(image: Floats) -> Float32:
         return np.asarray(_box_sum(image, radius_px) * share, np.float32)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from fractions import Fraction
 
 import numpy as np
@@ -9,7 +11,7 @@ import pytest
 from clips import moving_scene
 
 from itmo_video.cuts import Analysed, analyse_frame, difference, place
-from itmo_video.keyframes import spans
+from itmo_video.keyframes import Span, spans
 from itmo_video.model import Encoding, Float32, Frame
 
 GREY = Encoding("grey", 8, "bt709", "full", "srgb", "rec709")
@@ -21,6 +23,13 @@ def analysed(count: int, cuts: tuple[int, ...] = (), flash: tuple[int, ...] = ()
         grey = np.full(rgb.shape[:2], 250, np.uint8) if n in flash else rgb[..., 1].copy()
         frames.append(analyse_frame(Frame(n, Fraction(n, 24), (grey,), GREY), 512))
     return frames
+
+
+def all_spans(
+    frames: Sequence[Analysed], make_map: Callable[[Analysed], Float32], smooth: int
+) -> list[Span]:
+    with ThreadPoolExecutor(1) as pool:  # a single thread stops where one waits for a later task
+        return list(spans(place(frames, 5, 0), make_map, smooth, 0, lambda frames: True, pool))
 
 
 def shots(frames: list[Analysed]) -> list[int]:
@@ -65,7 +74,7 @@ def test_every_frame_gets_the_keys_around_it_whatever_the_smoothing() -> None:
             made.append(a.index)
             return a.grey.astype(np.float32) / 255
 
-        out = list(spans(place(frames, 5, 0), make_map, smooth, 0, lambda frames: True))
+        out = all_spans(frames, make_map, smooth)
         rendered = [a.index for span in out for a in span.frames]
         assert rendered == list(range(40)), f"smoothing {smooth}: frames lost or out of order"
         assert len(made) == len(set(made)), "a key's map was made twice"
@@ -80,20 +89,15 @@ def test_every_frame_gets_the_keys_around_it_whatever_the_smoothing() -> None:
 
 def test_smoothing_uses_a_fixed_number_of_neighbours() -> None:
     """A key beyond the reach changes nothing, one within it does."""
+    frames = _small(analysed(60))
     base = {
-        s.left_index: s.left[1]
-        for s in spans(
-            place(_small(analysed(60)), 5, 0), lambda a: a.tiny * 0 + 1, 2, 0, lambda f: True
-        )
+        s.left_index: s.left[1].result() for s in all_spans(frames, lambda a: a.tiny * 0 + 1, 2)
     }
 
     def spiked(a: Analysed) -> Float32:
         return a.tiny * 0 + (2 if a.index == 30 else 1)
 
-    changed = {
-        s.left_index: s.left[1]
-        for s in spans(place(_small(analysed(60)), 5, 0), spiked, 2, 0, lambda f: True)
-    }
+    changed = {s.left_index: s.left[1].result() for s in all_spans(frames, spiked, 2)}
     assert base.keys() == changed.keys()
     moved = [i for i in changed if float(np.ptp(changed[i])) > 0 or changed[i].flat[0] > 1 + 1e-6]
     assert moved == [20, 25, 30, 35, 40]

@@ -10,11 +10,15 @@ from __future__ import annotations
 
 import pkgutil
 from collections.abc import Mapping
-from importlib import import_module, metadata
+from importlib import import_module
+from typing import TYPE_CHECKING
 
 from itmo_video.errors import UsageError
 from itmo_video.operators.base import Operator
 from itmo_video.settings import Settings
+
+if TYPE_CHECKING:
+    from importlib.metadata import EntryPoint, EntryPoints
 
 GROUP = "itmo_video.operators"
 
@@ -34,7 +38,7 @@ OPERATORS: dict[str, Operator] = _built_in()
 
 def all_operators() -> dict[str, Operator]:
     """Ours and the users', by name; raises UsageError for an entry point that does not load."""
-    users = {point.name for point in metadata.entry_points(group=GROUP)} - set(OPERATORS)
+    users = {point.name for point in _points()} - set(OPERATORS)
     return OPERATORS | {name: _load(name) for name in sorted(users)}
 
 
@@ -59,8 +63,14 @@ def version_of(name: str) -> str:
     return "" if distribution is None else f"{distribution.name} {distribution.version}"
 
 
-def _point(name: str) -> metadata.EntryPoint:
-    points = metadata.entry_points(group=GROUP, name=name)
+def _points(**wanted: str) -> EntryPoints:
+    from importlib.metadata import entry_points  # late: it takes longer than all else here
+
+    return entry_points(group=GROUP, **wanted)
+
+
+def _point(name: str) -> EntryPoint:
+    points = _points(name=name)
     if not points:
         raise UsageError(f"unknown operator {name!r}", remedy=f"Known: {', '.join(OPERATORS)}")
     return next(iter(points))
