@@ -119,6 +119,7 @@ class Guidance:
         self._wraps = settings.projection == "latlong"
         self._guards = settings.noise_guard
         self._edge_aware = edge_aware and map_small is not None
+        self._codes: Float32 | None = None
         small: list[Float32] = []
         if self._guards:
             a, b = upsampling.edge_aware_coefficients(guide, guide, GRAIN_RADIUS_PX, GRAIN_EPSILON)
@@ -152,16 +153,15 @@ class Guidance:
         width, height = self._frame.size
         loaded = native.library()
         if loaded is not None and not self._wraps and (self._guards or self._edge_aware):
-            around = _around(rows, height)
             above, _, part, _ = upsampling.rows_between(
                 rows.start, rows.stop, self._small.shape[1], height
             )
             return native.guide_rows(
                 loaded,
-                guide_codes(self._frame, rows=around),
+                *self._luma(),
+                rows,
                 self._small,
                 (above, part),
-                first=rows.start - around.start,
                 guards=self._guards,
                 edge_aware=self._edge_aware,
             )
@@ -184,3 +184,11 @@ class Guidance:
             a += b
             np.clip(a, 0, 1, out=a)
         return full[::2], ratio
+
+    def _luma(self) -> tuple[Code | Float32, tuple[float, float]]:
+        """The picture's luma in codes, with black and white above it; of RGB made once."""
+        if self._frame.encoding.family != "rgb":
+            return self._frame.planes[0], self._frame.encoding.black_and_span
+        if self._codes is None:
+            self._codes = guide_codes(self._frame)
+        return self._codes, (0.0, 1.0)

@@ -419,6 +419,49 @@ CLONED void itmo_drive(const float *red, const float *green, const float *blue, 
     }
 }
 
+/* ---- gain, to half floats ---- */
+
+/* To the nearest half, of two as near the even one; what is too large becomes infinite. For
+   finite values: by integers, as not every compiler knows the instruction. */
+INLINE uint16_t half_of(float value)
+{
+    const float subnormal_step = 0.5f; /* one in whose last place is the least half */
+    uint32_t bits, magnitude, shifted;
+    memcpy(&bits, &value, 4);
+    magnitude = bits & 0x7fffffff;
+    float size;
+    memcpy(&size, &magnitude, 4);
+    size += subnormal_step;
+    memcpy(&shifted, &size, 4);
+    uint32_t normal = (magnitude - 0x37fff001 + (magnitude >> 13 & 1)) >> 13;
+    uint32_t half = magnitude < 0x38800000 ? shifted - 0x3f000000 : normal;
+    half = magnitude < 0x477ff000 ? half : 0x7c00;
+    return (uint16_t)(half | (bits >> 16 & 0x8000));
+}
+
+INLINE void to_halves(const float *values, const float *gain, int64_t count, uint16_t *restrict out)
+{
+    for (int64_t x = 0; x < count; x++)
+        out[x] = half_of(values[x] * gain[x]);
+}
+
+/* See native.expand. */
+CLONED void itmo_expand(const float *red, const float *green, const float *blue, const float *gain,
+                        const float *map, float base, float strength, float rest, int64_t count,
+                        uint16_t *red_out, uint16_t *green_out, uint16_t *blue_out)
+{
+    enum { BLOCK = 512 };
+    float weighed[BLOCK];
+    for (int64_t i = 0; i < count; i += BLOCK) {
+        int64_t size = count - i < BLOCK ? count - i : BLOCK;
+        for (int64_t x = 0; x < size; x++)
+            weighed[x] = (gain[i + x] - base) * map[i + x] * strength + rest;
+        to_halves(red + i, weighed, size, red_out + i);
+        to_halves(green + i, weighed, size, green_out + i);
+        to_halves(blue + i, weighed, size, blue_out + i);
+    }
+}
+
 /* ---- the guided filter, at analysis size ---- */
 
 /* Window sums of one row of column sums: `columns` hold w + 2 * radius + 1 for each plane, zeros
@@ -502,7 +545,7 @@ CLONED void itmo_guided_coefficients(const float *map, const float *guide, int64
 
 /* ---- maps and the noise guard, brought up to rows of the picture ---- */
 
-enum { AT_ONCE = 8, REACH = 2 }; /* REACH: half of the softening's five taps */
+enum { AT_ONCE = 8, REACH = 2, WINDOW = 2 * REACH + 1 }; /* WINDOW: the softening's five taps */
 
 /* Each plane's line of w to one of width: between columns i - 1 and i from starts[i] on, AT_ONCE
    at a time; what is written too far is written again by the next. `lefts` and `steps` hold w + 1
@@ -522,8 +565,31 @@ INLINE void widen(const float *lefts, const float *steps, int64_t planes, int64_
     }
 }
 
+/* Where a line of the picture is kept: WINDOW lines in turn. `y` may be down to -REACH. */
+INLINE float *slot(float *lines, int64_t y, int64_t width)
+{
+    return lines + (y + WINDOW) % WINDOW * width;
+}
+
+/* A line of codes from black at 0 to white at 1 into its slot; beyond the picture its edge's. */
+INLINE void code_line(const uint8_t *luma, int64_t stride, int64_t bytes, float scale, float offset,
+                      int64_t height, int64_t y, int64_t width, float *lines)
+{
+    const uint8_t *narrow = luma + (y < 0 ? 0 : y < height ? y : height - 1) * stride;
+    const uint16_t *wide = (const uint16_t *)narrow;
+    const float *values = (const float *)narrow;
+    float *restrict out = slot(lines, y, width);
+    for (int64_t x = 0; bytes == 1 && x < width; x++)
+        out[x] = FMA((float)narrow[x], scale, offset);
+    for (int64_t x = 0; bytes == 2 && x < width; x++)
+        out[x] = FMA((float)wide[x], scale, offset);
+    for (int64_t x = 0; bytes == 4 && x < width; x++)
+        out[x] = FMA(values[x], scale, offset);
+}
+
 /* See native.guide_rows. */
-CLONED void itmo_guide_rows(const float *codes, int64_t first, int64_t code_rows, int64_t rows,
+CLONED void itmo_guide_rows(const uint8_t *luma, int64_t stride, int64_t bytes, float scale,
+                            float offset, int64_t height, int64_t top, int64_t rows,
                             int64_t width, const float *small, int64_t planes, int64_t h, int64_t w,
                             const int64_t *above, const float *parts, const int32_t *starts,
                             const float *shares, int64_t guards, int64_t edge_aware, float *scratch,
@@ -531,9 +597,13 @@ CLONED void itmo_guide_rows(const float *codes, int64_t first, int64_t code_rows
 {
     int64_t across = width + 2 * AT_ONCE, after = guards ? 2 : 0;
     float *lefts = scratch, *steps = lefts + planes * (w + 1), *soft = steps + planes * (w + 1);
-    float *summed = soft + across, *wide = summed + across;
+    float *summed = soft + across, *lines = summed + across, *wide = lines + WINDOW * width;
+    for (int64_t y = top - REACH; y < top + REACH; y++)
+        code_line(luma, stride, bytes, scale, offset, height, y, width, lines);
     for (int64_t row = 0; row < rows; row++) {
-        const float *code = codes + (first + row) * width;
+        int64_t y = top + row;
+        const float *code = slot(lines, y, width);
+        code_line(luma, stride, bytes, scale, offset, height, y + REACH, width, lines);
         for (int64_t p = 0; p < planes; p++) {
             const float *upper = small + (p * h + above[row]) * w;
             const float *lower = above[row] + 1 < h ? upper + w : upper;
@@ -561,11 +631,9 @@ CLONED void itmo_guide_rows(const float *codes, int64_t first, int64_t code_rows
                        width * sizeof *maps);
             continue;
         }
-        const float *line[2 * REACH + 1];
-        for (int64_t k = -REACH; k <= REACH; k++) {
-            int64_t at = first + row + k;
-            line[k + REACH] = codes + (at < 0 ? 0 : at < code_rows ? at : code_rows - 1) * width;
-        }
+        const float *line[WINDOW];
+        for (int64_t k = 0; k < WINDOW; k++)
+            line[k] = slot(lines, y + k - REACH, width);
         for (int64_t x = 0; x < width; x++)
             summed[REACH + x] = ((line[0][x] + line[4][x]) + 4 * (line[1][x] + line[3][x])
                                  + 6 * line[2][x]) * (1 / 16.0f);
@@ -587,5 +655,5 @@ CLONED void itmo_guide_rows(const float *codes, int64_t first, int64_t code_rows
 
 int itmo_version(void)
 {
-    return 4;
+    return 5;
 }

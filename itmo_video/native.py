@@ -7,7 +7,7 @@ import functools
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TypeAlias, cast
+from typing import Any, TypeAlias, TypeVar, cast
 
 import numpy as np
 import numpy.typing as npt
@@ -15,9 +15,11 @@ import numpy.typing as npt
 Bytes2D = npt.NDArray[np.uint8]
 Codes: TypeAlias = npt.NDArray[np.uint8] | npt.NDArray[np.uint16]
 Float32 = npt.NDArray[np.float32]
+Plane = TypeVar("Plane", bound=npt.NDArray[Any])
+Half = npt.NDArray[np.float16]
 Indices = npt.NDArray[np.int64]
 
-_VERSION = 4  # of native.c's functions
+_VERSION = 5  # of native.c's functions
 _BLOCK_ROOM = 2 * 1024 + 32  # HEADER_ROOM for both blocks, zlib's own bytes and the writer's last
 _AT_ONCE = 8  # AT_ONCE in native.c
 
@@ -44,8 +46,12 @@ def library() -> ctypes.CDLL | None:
     ]  # fmt: skip
     loaded.itmo_drive.argtypes = [pointer, pointer, pointer, pointer, pointer, size, pointer]
     loaded.itmo_ycbcr_rows.restype = loaded.itmo_drive.restype = None
+    loaded.itmo_expand.argtypes = [
+        *[pointer] * 5, *[ctypes.c_float] * 3, size, *[pointer] * 3,
+    ]  # fmt: skip
+    loaded.itmo_expand.restype = None
     loaded.itmo_guide_rows.argtypes = [
-        pointer, size, size, size, size,
+        pointer, size, size, ctypes.c_float, ctypes.c_float, size, size, size, size,
         pointer, size, size, size,
         pointer, pointer, pointer, pointer,
         size, size, pointer, pointer, pointer,
@@ -108,11 +114,11 @@ def ycbcr_rows(
     )  # fmt: skip
 
 
-def _in_lines(plane: Codes) -> Codes:
+def _in_lines(plane: Plane) -> Plane:
     """The plane, or a copy whose lines are without gaps between codes of this machine's kind."""
     if plane.strides[1] == plane.itemsize and plane.dtype.isnative:
         return plane
-    return cast(Codes, np.ascontiguousarray(plane, plane.dtype.newbyteorder("=")))
+    return cast(Plane, np.ascontiguousarray(plane, plane.dtype.newbyteorder("=")))
 
 
 def drive(
@@ -145,7 +151,10 @@ def guided_coefficients(
     map_small = guide_small if is_same else np.ascontiguousarray(map_small)
     height, width = guide_small.shape
     scratch = np.empty(4 * (3 * width + 2 * radius_px + 1), np.float64)
-    between, out = np.empty((2, height, width), np.float32), np.empty((2, height, width), np.float32)
+    between, out = (
+        np.empty((2, height, width), np.float32),
+        np.empty((2, height, width), np.float32),
+    )
     loaded.itmo_guided_coefficients(
         map_small.ctypes.data, guide_small.ctypes.data, height, width,
         radius_px, epsilon, share.ctypes.data, scratch.ctypes.data,
@@ -156,36 +165,61 @@ def guided_coefficients(
 
 def guide_rows(
     loaded: ctypes.CDLL,
-    codes: Float32,
+    luma: Codes | Float32,
+    levels: tuple[float, float],
+    rows: slice,
     small: Float32,
     between: tuple[Indices, Float32],
     *,
-    first: int,
     guards: bool,
     edge_aware: bool,
 ) -> tuple[list[Float32], Float32 | None]:
     """`guide.Guidance.rows` of the coefficients `small` (planes, h, w): the maps and the ratio.
 
-    `codes` (rows, width) are luma's, with up to two rows more on either side, of which `first` lie
-    above; `between` tells for each row the row of `small` above it, and the share of the one below.
-    With `guards` the first two planes are the ratio's. Any strip has the same bytes.
+    `luma` is the whole picture's, (H, W) in codes with black at the first of `levels` and white by
+    the second above it; `between` tells for each row the row of `small` above it, and the share of
+    the one below. With `guards` the first two planes are the ratio's. Any strip has the same bytes.
     """
     above, parts = between
-    rows, (planes, h, w), width = len(above), small.shape, codes.shape[1]
-    codes, small = np.ascontiguousarray(codes), np.ascontiguousarray(small)
+    luma, small = _in_lines(luma), np.ascontiguousarray(small)
+    count, (planes, h, w), (height, width) = len(above), small.shape, luma.shape
     starts, shares = _columns_between(w, width)
-    ratio = np.empty((rows, width), np.float32) if guards else None
-    count = (planes - 2 * guards) // (2 if edge_aware else 1)
-    maps = np.empty((count, rows, width), np.float32)
-    scratch = np.empty(2 * planes * (w + 1) + (planes + 2) * (width + 2 * _AT_ONCE), np.float32)
+    ratio = np.empty((count, width), np.float32) if guards else None
+    maps = np.empty(((planes - 2 * guards) // (1 + edge_aware), count, width), np.float32)
+    scratch = np.empty(
+        2 * planes * (w + 1) + 5 * width + (planes + 2) * (width + 2 * _AT_ONCE), np.float32
+    )
+    black, span = levels
     loaded.itmo_guide_rows(
-        codes.ctypes.data, first, codes.shape[0], rows, width,
+        luma.ctypes.data, luma.strides[0], luma.itemsize, 1 / span, -black / span,
+        height, rows.start, count, width,
         small.ctypes.data, planes, h, w,
         above.ctypes.data, parts.ctypes.data, starts.ctypes.data, shares.ctypes.data,
         guards, edge_aware, scratch.ctypes.data,
         None if ratio is None else ratio.ctypes.data, maps.ctypes.data,
     )  # fmt: skip
     return list(maps), ratio
+
+
+def expand(
+    loaded: ctypes.CDLL,
+    rgb: Sequence[Float32],
+    gain: Float32,
+    weight: Float32,
+    base: float,
+    strength: float,
+    out: Half,
+) -> None:
+    """Three planes times 1 + strength * (base + weight * (gain - base) - 1) as halves into `out`.
+
+    All planes are contiguous, of one shape; `out` holds three. Rounded to the nearest half; what
+    is too large becomes infinite.
+    """
+    loaded.itmo_expand(
+        *(plane.ctypes.data for plane in rgb), gain.ctypes.data, weight.ctypes.data,
+        base, strength, 1 + strength * (base - 1), gain.size,
+        *(plane.ctypes.data for plane in out),
+    )  # fmt: skip
 
 
 @functools.lru_cache(maxsize=8)

@@ -63,6 +63,8 @@ def render(
     alpha = _alpha(frame)
     out = np.empty((3, height, width), np.float16)  # at once: NumPy asks for huge pages
     layers = {f"{name}.Y": np.empty((height, width), np.float16) for name in settings.layers}
+    is_plain = not (limit or layers) and alpha is None and matrix is None
+    loops = native.library() if is_plain else None
     for rows in strips(height):
         rgb = strip_buffers(rows, width)
         linear_light.strip_to_rgb_linear(frame, rows, clip, rgb)
@@ -77,6 +79,9 @@ def render(
                 _weighed(gain, [], 1, settings.strength)
         else:
             gain = look.operator.gain(_drive(rgb, denoise), context)
+            if loops is not None and len(maps) == 1:
+                native.expand(loops, rgb, gain, maps[0], base, settings.strength, out[:, rows])
+                continue
             gains = _weighed(gain, maps, base if maps else 1, settings.strength)
         _fill_layers(layers, rows, rgb, gains, maps)
         if alpha is not None:

@@ -74,9 +74,7 @@ def edge_aware_coefficients(
         raise ValueError(f"needs radius_px >= 0 and epsilon > 0, not {radius_px}, {epsilon}")
     share = _window_share(*map_small.shape, radius_px)
     if (loaded := native.library()) is not None:
-        return native.guided_coefficients(
-            loaded, map_small, guide_small, radius_px, epsilon, share
-        )
+        return native.guided_coefficients(loaded, map_small, guide_small, radius_px, epsilon, share)
 
     def mean(image: Floats) -> Float32:
         return np.asarray(_box_sum(image, radius_px) * share, np.float32)

@@ -18,7 +18,7 @@ from itmo_video.operators.base import Operator
 from itmo_video.settings import Settings
 
 if TYPE_CHECKING:
-    from importlib.metadata import EntryPoint, EntryPoints
+    from importlib.metadata import EntryPoint
 
 GROUP = "itmo_video.operators"
 
@@ -38,7 +38,9 @@ OPERATORS: dict[str, Operator] = _built_in()
 
 def all_operators() -> dict[str, Operator]:
     """Ours and the users', by name; raises UsageError for an entry point that does not load."""
-    users = {point.name for point in _points()} - set(OPERATORS)
+    from importlib import metadata  # late: it takes longer than all else here
+
+    users = {point.name for point in metadata.entry_points(group=GROUP)} - set(OPERATORS)
     return OPERATORS | {name: _load(name) for name in sorted(users)}
 
 
@@ -63,14 +65,10 @@ def version_of(name: str) -> str:
     return "" if distribution is None else f"{distribution.name} {distribution.version}"
 
 
-def _points(**wanted: str) -> EntryPoints:
-    from importlib.metadata import entry_points  # late: it takes longer than all else here
-
-    return entry_points(group=GROUP, **wanted)
-
-
 def _point(name: str) -> EntryPoint:
-    points = _points(name=name)
+    from importlib import metadata
+
+    points = metadata.entry_points(group=GROUP, name=name)
     if not points:
         raise UsageError(f"unknown operator {name!r}", remedy=f"Known: {', '.join(OPERATORS)}")
     return next(iter(points))
