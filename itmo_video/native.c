@@ -421,6 +421,16 @@ CLONED void itmo_drive(const float *red, const float *green, const float *blue, 
 
 /* ---- gain, to half floats ---- */
 
+/* See native.gain_banterle2006. */
+CLONED void itmo_gain_banterle2006(const float *luminance, float slope, float factor, int64_t count,
+                                   float *restrict out)
+{
+    for (int64_t i = 0; i < count; i++) {
+        float rest = 1 - luminance[i];
+        out[i] = factor / (sqrtf(rest * rest + slope * luminance[i]) + rest);
+    }
+}
+
 /* To the nearest half, of two as near the even one; what is too large becomes infinite. For
    finite values: by integers, as not every compiler knows the instruction. */
 INLINE uint16_t half_of(float value)
@@ -655,5 +665,5 @@ CLONED void itmo_guide_rows(const uint8_t *luma, int64_t stride, int64_t bytes, 
 
 int itmo_version(void)
 {
-    return 5;
+    return 6;
 }

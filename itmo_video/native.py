@@ -19,7 +19,7 @@ Plane = TypeVar("Plane", bound=npt.NDArray[Any])
 Half = npt.NDArray[np.float16]
 Indices = npt.NDArray[np.int64]
 
-_VERSION = 5  # of native.c's functions
+_VERSION = 6  # of native.c's functions
 _BLOCK_ROOM = 2 * 1024 + 32  # HEADER_ROOM for both blocks, zlib's own bytes and the writer's last
 _AT_ONCE = 8  # AT_ONCE in native.c
 
@@ -46,6 +46,10 @@ def library() -> ctypes.CDLL | None:
     ]  # fmt: skip
     loaded.itmo_drive.argtypes = [pointer, pointer, pointer, pointer, pointer, size, pointer]
     loaded.itmo_ycbcr_rows.restype = loaded.itmo_drive.restype = None
+    loaded.itmo_gain_banterle2006.argtypes = [
+        pointer, ctypes.c_float, ctypes.c_float, size, pointer,
+    ]  # fmt: skip
+    loaded.itmo_gain_banterle2006.restype = None
     loaded.itmo_expand.argtypes = [
         *[pointer] * 5, *[ctypes.c_float] * 3, size, *[pointer] * 3,
     ]  # fmt: skip
@@ -122,13 +126,17 @@ def _in_lines(plane: Plane) -> Plane:
 
 
 def drive(
-    loaded: ctypes.CDLL, rgb: Sequence[Float32], weights: Sequence[float], ratio: Float32 | None
+    loaded: ctypes.CDLL,
+    rgb: Sequence[Float32],
+    weights: Sequence[float],
+    ratio: Float32 | None,
+    out: Float32 | None = None,
 ) -> Float32:
-    """The weighted sum of three planes, times `ratio` if any, limited to [0, 1]: a new array.
+    """The weighted sum of three planes, times `ratio` if any, limited to [0, 1]: in `out` or new.
 
     All contiguous float32 of one shape.
     """
-    out = np.empty_like(rgb[0])
+    out = np.empty_like(rgb[0]) if out is None else out
     factor = np.array(weights, np.float32)
     loaded.itmo_drive(
         *(plane.ctypes.data for plane in rgb), factor.ctypes.data,
@@ -199,6 +207,16 @@ def guide_rows(
         None if ratio is None else ratio.ctypes.data, maps.ctypes.data,
     )  # fmt: skip
     return list(maps), ratio
+
+
+def gain_banterle2006(
+    loaded: ctypes.CDLL, luminance: Float32, slope: float, factor: float
+) -> Float32:
+    """A new array, `factor` / (sqrt(rest^2 + slope * luminance) + rest), rest 1 - luminance."""
+    luminance = np.ascontiguousarray(luminance)
+    out = np.empty_like(luminance)
+    loaded.itmo_gain_banterle2006(luminance.ctypes.data, slope, factor, out.size, out.ctypes.data)
+    return out
 
 
 def expand(

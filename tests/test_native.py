@@ -9,10 +9,13 @@ import numpy as np
 import pytest
 from hypothesis import example, given
 
-from itmo_video import exr, make_settings, native
+from itmo_video import exr, make_settings, native, render
 from itmo_video.guide import Guidance, analysis_guide
 from itmo_video.luminance import strips
 from itmo_video.model import Encoding, Frame
+from itmo_video.operators.base import Context
+from itmo_video.operators.photographic import gain_banterle2006
+from itmo_video.upsampling import edge_aware_coefficients
 
 loaded = native.library()
 compiled = pytest.mark.skipif(loaded is None, reason="installed without a C compiler")
@@ -197,3 +200,59 @@ def test_drive(with_ratio):
     want = sum(w * plane.astype(np.float64) for w, plane in zip(weights, rgb, strict=True))
     want = np.clip(want * (1 if ratio is None else ratio), 0, 1)
     np.testing.assert_allclose(native.drive(loaded, rgb, weights, ratio), want, atol=1e-6)
+
+
+@compiled
+@pytest.mark.parametrize("is_same", [True, False])
+@pytest.mark.parametrize("radius", [0, 1, 3, 40])
+@pytest.mark.parametrize("size", [(1, 1), (5, 60), (60, 5), (72, 128)])
+def test_guided_coefficients(by_libraries, size, radius, is_same):
+    rng = np.random.default_rng(10)
+    guide = rng.random(size, np.float32)
+    values = guide if is_same else rng.random(size, np.float32)
+    ours = edge_aware_coefficients(values, guide, radius, 1e-3)
+    theirs = by_libraries(edge_aware_coefficients, values, guide, radius, 1e-3)
+    for part, other in zip(ours, theirs, strict=True):
+        np.testing.assert_allclose(part, other, rtol=1e-6, atol=1e-6)
+
+
+@compiled
+@pytest.mark.parametrize("l_max", [2.0, 20.0])
+def test_gain_banterle2006_to_the_bit(by_libraries, l_max):
+    luminance = np.random.default_rng(11).random((7, 131), np.float32)
+    luminance[0, :2] = 0, 1
+    context = Context(l_max, 0.9 * l_max)
+    ours = gain_banterle2006(luminance, context)
+    assert np.array_equal(ours, by_libraries(gain_banterle2006, luminance, context))
+
+
+@compiled
+def test_every_half_and_what_lies_between(by_libraries):
+    """Products by a gain of 1 (no weight) round to halves as NumPy's do, up to infinity."""
+    halves = np.arange(0x7C00, dtype=np.uint16).view(np.float16).astype(np.float32)
+    middles = ((halves[1:] + halves[:-1]) / 2).astype(np.float32)
+    beside = [np.nextafter(middles, np.float32(to)) for to in (0, np.inf)]
+    ends = np.array([65519, 65520, 1e9, 1e-30, 3e-8], np.float32)
+    values = np.concatenate([halves, middles, *beside, ends])
+    values = np.concatenate([values, -values])
+    out = np.empty((3, values.size), np.float16)
+    weight = np.zeros_like(values)
+    native.expand(loaded, [values] * 3, weight + 7, weight, 1.0, 1.0, out)
+    with np.errstate(over="ignore"):
+        want = values.astype(np.float16)
+    for plane in out:
+        assert np.array_equal(plane.view(np.uint16), want.view(np.uint16))
+
+
+@compiled
+@pytest.mark.parametrize("strength", [1.0, 0.15])
+def test_expand_to_the_bit(strength):
+    rng = np.random.default_rng(12)
+    rgb = [rng.random((40, 131), np.float32) for _ in range(3)]
+    gain, weight = 1 + 9 * rng.random((40, 131), np.float32), rng.random((40, 131), np.float32)
+    out = np.empty((3, 40, 131), np.float16)
+    native.expand(loaded, rgb, gain, weight, 0.7, strength, out)
+    (weighed,) = render._weighed(gain.copy(), [weight], 0.7, strength)
+    want = np.empty_like(out)
+    render._write_strip(rgb, [weighed], None, False, want)
+    assert np.array_equal(out, want)

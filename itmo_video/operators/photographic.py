@@ -8,6 +8,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
+from itmo_video import native
 from itmo_video.model import Float32
 from itmo_video.operators.base import Context, Floats, Operator
 
@@ -33,13 +34,15 @@ def gain_banterle2006(luminance: Float32, context: Context) -> Float32:
     """
     scale = context.scale
     l_max = context.l_max if scale is None else context.l_white * scale
-    c = np.float32(4.0 / context.l_white**2)
-    u = np.float32(1) - luminance
-    root = u * u
-    root += c * luminance
+    slope, factor = 4.0 / context.l_white**2, 2.0 * l_max / context.l_white
+    if (loaded := native.library()) is not None:
+        return native.gain_banterle2006(loaded, luminance, slope, factor)
+    rest = np.float32(1) - luminance
+    root = rest * rest
+    root += np.float32(slope) * luminance
     cv2.sqrt(root, dst=root)
-    root += u
-    np.divide(np.float32(2.0 * l_max / context.l_white), root, out=root)
+    root += rest
+    np.divide(np.float32(factor), root, out=root)
     return root
 
 
