@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import gc
 import json
 import os
 import signal
@@ -62,6 +63,13 @@ def main(argv: Sequence[str] | None = None) -> int:
             file=sys.stderr,
         )
         return 1
+
+
+def run() -> NoReturn:
+    """Run the command line as a process of its own, which ends with it."""
+    code = main()
+    gc.freeze()  # else the interpreter looks three times through all that ends now, for 40 ms
+    sys.exit(code)
 
 
 def _on_sigterm(signum: int, frame: FrameType | None) -> None:
@@ -318,4 +326,4 @@ def _operators(args: argparse.Namespace) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    run()

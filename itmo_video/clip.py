@@ -32,7 +32,7 @@ class Clip:
         raise NotImplementedError
 
     def close(self) -> None:
-        """Release the source; files are open only while frames are read, so nothing is held."""
+        """Release the source; files that frames are being read from stay open until that ends."""
 
     def __enter__(self) -> Clip:
         return self

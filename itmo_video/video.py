@@ -33,6 +33,8 @@ class VideoClip(Clip):
 
     def __init__(self, path: Path, options: InputOptions) -> None:
         self._path, self._options = path, options
+        # A decoder at the first frame, which is the slowest one: who reads from there goes on.
+        self._begun: list[Iterator[tuple[int, Any, bool]]] = []
         try:
             self._probe()
         except av.FFmpegError as error:
@@ -41,13 +43,21 @@ class VideoClip(Clip):
     def frames(self, start: int = 0) -> Iterator[Frame]:
         """Yield frames from index `start` on; from the nearest point before that decodes alike."""
         ahead = max(0, start - LEAD_IN) if self._deinterlace else start
-        pictures = self._numbered(ahead)
+        try:
+            begun = self._begun.pop()  # whoever comes first, if threads read side by side
+        except IndexError:
+            begun = None
+        pictures = begun if begun is not None and ahead == 0 else self._numbered(ahead)
         if self._deinterlace:
             pictures = deinterlaced(pictures, self._is_forced, self._time_base, self._is_same)
         for index, decoded, is_damaged in pictures:
             if index >= start:
                 self._check_same(index, decoded)
                 yield self._frame(index, decoded, is_damaged)
+
+    def close(self) -> None:
+        """Release the source."""
+        self._begun.clear()
 
     def _probe(self) -> None:
         path, options = self._path, self._options
@@ -117,8 +127,10 @@ class VideoClip(Clip):
             if is_shuffled or is_halved:
                 self._packets = replace(self._packets, is_exact=False)
         if self._packets.is_exact:
-            for _, frame, _ in self._numbered(0):
-                return frame
+            pictures = self._numbered(0)
+            for picture in pictures:
+                self._begun.append(chain((picture,), pictures))
+                return picture[1]
         count, first = 0, None
         for count, frame in enumerate(self._decoded(None), 1):  # noqa: B007 - the last count
             first = first or frame
