@@ -16,10 +16,11 @@ Bytes2D = npt.NDArray[np.uint8]
 Codes: TypeAlias = npt.NDArray[np.uint8] | npt.NDArray[np.uint16]
 Float32 = npt.NDArray[np.float32]
 Plane = TypeVar("Plane", bound=npt.NDArray[Any])
+Float64 = npt.NDArray[np.float64]
 Half = npt.NDArray[np.float16]
 Indices = npt.NDArray[np.int64]
 
-_VERSION = 6  # of native.c's functions
+_VERSION = 7  # of native.c's functions
 _BLOCK_ROOM = 2 * 1024 + 32  # HEADER_ROOM for both blocks, zlib's own bytes and the writer's last
 _AT_ONCE = 8  # AT_ONCE in native.c
 
@@ -61,6 +62,10 @@ def library() -> ctypes.CDLL | None:
         size, size, pointer, pointer, pointer,
     ]  # fmt: skip
     loaded.itmo_guide_rows.restype = None
+    loaded.itmo_camera_model.argtypes = [
+        pointer, pointer, pointer, pointer, size, pointer, size, ctypes.c_double, pointer, pointer,
+    ]  # fmt: skip
+    loaded.itmo_camera_model.restype = None
     loaded.itmo_guided_coefficients.argtypes = [
         pointer, pointer, size, size, size, ctypes.c_float, *[pointer] * 6,
     ]  # fmt: skip
@@ -143,6 +148,25 @@ def drive(
         None if ratio is None else ratio.ctypes.data, out.size, out.ctypes.data,
     )  # fmt: skip
     return out
+
+
+def camera_model(
+    loaded: ctypes.CDLL,
+    across: Float64,
+    down: Float64,
+    vectors: Float64,
+    texture: Float64,
+    sigmas: Sequence[float],
+    ridge: float,
+) -> Float64:
+    """`warp.camera_model`, in one order of sums on all machines: (3, 2)."""
+    arrays = [np.ascontiguousarray(a, np.float64) for a in (across, down, vectors, texture, sigmas)]
+    weight, model = np.empty(texture.size), np.empty((2, 3))
+    loaded.itmo_camera_model(
+        *(a.ctypes.data for a in arrays[:4]), texture.size, arrays[4].ctypes.data, len(sigmas),
+        ridge, weight.ctypes.data, model.ctypes.data,
+    )  # fmt: skip
+    return model.T
 
 
 def guided_coefficients(

@@ -12,7 +12,8 @@ import threading
 import cv2
 import numpy as np
 
-from itmo_video.model import Code, Float32
+from itmo_video import native
+from itmo_video.model import Code, Float32, Float64
 
 AGREEMENT_SIGMA = 6.0  # 8-bit codes: a difference of this size counts for 1/e as much
 AGREEMENT_BLUR_PX = 9
@@ -21,6 +22,7 @@ CAMERA_SHARE = 0.15  # of the picture: a camera that moves explains at least thi
 CAMERA_WORSE = 1 / 3  # of that: it explains at most this much worse
 CAMERA_STEP_PX = 12
 CAMERA_SIGMAS_PX = (16.0, 8.0, 4.0, 2.0, 1.0, 0.5, 0.5)  # by rounds; this far off counts a quarter
+CAMERA_RIDGE = 1e-6  # of the weights' sum: texture in a single place leaves no slope
 _local = threading.local()
 
 
@@ -52,8 +54,9 @@ def steadied(here: Code, there: Code, flow: Float32) -> Float32:
     camera = camera_motion_px(here, flow)
     plain = local_difference(here, warp(there, camera))
     still = local_difference(here, there)
-    better = np.mean(still - plain > FLOW_MARGIN)
-    if better < CAMERA_SHARE or np.mean(plain - still > FLOW_MARGIN) > CAMERA_WORSE * better:
+    better = np.count_nonzero(still - plain > FLOW_MARGIN)
+    worse = np.count_nonzero(plain - still > FLOW_MARGIN)
+    if better < CAMERA_SHARE * here.size or worse > CAMERA_WORSE * better:
         camera, plain = np.zeros_like(flow), still
     moved = local_difference(here, warp(there, flow))
     trust = np.clip((plain - moved) / np.float32(FLOW_MARGIN), 0, 1)
@@ -75,8 +78,24 @@ def camera_motion_px(here: Code, flow: Float32) -> Float32:
     if not texture.any():
         return np.zeros_like(flow)
     vectors = np.ascontiguousarray(flow[places].reshape(-1, 2).T, np.float64)
-    across, down = np.meshgrid(x / width - 0.5, y / height - 0.5)
-    terms = np.stack([np.ones(across.size), across.ravel(), down.ravel()])
+    across, down = (a.ravel() for a in np.meshgrid(x / width - 0.5, y / height - 0.5))
+    model = camera_model(across, down, vectors, texture)
+    # From shares of the picture's sides to pixels.
+    model[1:] /= [[width], [height]]
+    model[0] -= (model[1] * width + model[2] * height) / 2
+    return np.asarray(cv2.transform(_grid(height, width), model[[1, 2, 0]].T), np.float32)
+
+
+def camera_model(across: Float64, down: Float64, vectors: Float64, texture: Float64) -> Float64:
+    """Constant, slope across and slope down (3, 2) of the motion that most places agree on.
+
+    `across`, `down` and `texture` (N,), `vectors` (2, N); reweighted by CAMERA_SIGMAS_PX.
+    """
+    if (loaded := native.library()) is not None:
+        return native.camera_model(
+            loaded, across, down, vectors, texture, CAMERA_SIGMAS_PX, CAMERA_RIDGE
+        )
+    terms = np.stack([np.ones(across.size), across, down])
     # What the normal equations' two sides add up, each place's share a column.
     products = (terms[:, None] * np.concatenate([terms, vectors])).reshape(15, -1)
     weight, model = texture, np.zeros((3, 2))
@@ -84,14 +103,11 @@ def camera_motion_px(here: Code, flow: Float32) -> Float32:
         # einsum, as BLAS may add up in another order on another machine of a cluster
         sides = np.einsum("kn,n->k", products, weight).reshape(3, 5)
         normal = sides[:, :3]
-        normal[[1, 2], [1, 2]] += 1e-6 * normal[0, 0]  # texture in a single place leaves no slope
+        normal[[1, 2], [1, 2]] += CAMERA_RIDGE * normal[0, 0]
         model = np.linalg.solve(normal, sides[:, 3:])
         off = np.square(vectors - np.einsum("in,ij->jn", terms, model)).sum(0)
         weight = texture / np.square(1 + off / sigma_px**2)
-    # From shares of the picture's sides to pixels.
-    model[1:] /= [[width], [height]]
-    model[0] -= (model[1] * width + model[2] * height) / 2
-    return np.asarray(cv2.transform(_grid(height, width), model[[1, 2, 0]].T), np.float32)
+    return model
 
 
 def warp(image: Code | Float32, flow: Float32) -> Float32:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import example, given
 
-from itmo_video import exr, make_settings, native, render
+from itmo_video import exr, make_settings, native, render, warp
 from itmo_video.guide import Guidance, analysis_guide
 from itmo_video.luminance import strips
 from itmo_video.model import Encoding, Frame
@@ -256,3 +256,17 @@ def test_expand_to_the_bit(strength):
     want = np.empty_like(out)
     render._write_strip(rgb, [weighed], None, False, want)
     assert np.array_equal(out, want)
+
+
+@compiled
+@pytest.mark.parametrize("count", [1, 5, 8, 1032])
+def test_camera_model(by_libraries, count):
+    """Most places on an affine motion, some off it: the one elimination finds what LAPACK does."""
+    rng = np.random.default_rng(13)
+    across, down = rng.random((2, count)) - 0.5
+    vectors = np.stack([1 + 2 * across - down, -3 + 0.5 * down]) + rng.normal(0, 0.2, (2, count))
+    vectors[:, ::4] += 9
+    texture = rng.integers(1, 50, count).astype(np.float64)
+    ours = warp.camera_model(across, down, vectors, texture)
+    theirs = by_libraries(warp.camera_model, across, down, vectors, texture)
+    np.testing.assert_allclose(ours, theirs, rtol=1e-6, atol=1e-8)
