@@ -1,4 +1,4 @@
-"""Builds itmo_video/native.c where there is a C compiler; without one everything works, slower."""
+"""Builds itmo_video/loops where there is a C compiler; without one everything works, slower."""
 
 from __future__ import annotations
 
@@ -17,17 +17,18 @@ FLAGS = ["-O3", "-std=c11", *FLOATS, "-shared", "-fPIC"]
 
 
 class NativeHook(BuildHookInterface):
-    """Puts the library beside its source, where an editable installation finds it, too."""
+    """Puts the library into the package, where an editable installation finds it, too."""
 
     def initialize(self, version: str, build_data: dict[str, Any]) -> None:
         """Compile; what goes wrong is said and leaves the library out."""
-        source = Path(self.root, "itmo_video", "native.c")
-        target = source.with_name("_native.so")
+        package = Path(self.root, "itmo_video")
+        sources = sorted(str(path) for path in package.glob("loops/*.c"))
+        target = package / "_native.so"
         target.unlink(missing_ok=True)
         compiler = shlex.split(os.environ.get("CC") or sysconfig.get_config_var("CC") or "cc")
         # The second without what not every compiler and C library can do.
         for extra in ([], ["-DITMO_ONE_TARGET"]):
-            command = [*compiler, *FLAGS, *extra, str(source), "-o", str(target), "-lm"]
+            command = [*compiler, *FLAGS, *extra, *sources, "-o", str(target), "-lm"]
             try:
                 done = subprocess.run(command, capture_output=True, text=True)
                 reason = done.stderr.strip()

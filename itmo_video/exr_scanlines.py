@@ -1,8 +1,8 @@
 """The chunks of a scan line EXR file from planes, quicker than by OpenEXR's own writer.
 
 Uncompressed lines need no library. ZIP and ZIPS blocks are zlib streams, which any reader opens:
-where a picture has grain its bytes do not repeat, and Huffman's code alone (native.c) makes them
-smaller than libdeflate's lowest level does, in a quarter of the time. Where they do repeat, in
+where a picture has grain its bytes do not repeat, and Huffman's code alone (loops/deflate.c) makes
+them smaller than libdeflate's lowest level does, in a quarter of the time. Where they do repeat, in
 drawings and grey pictures, it is libdeflate; a few lines in each group tell which. Pixels are the
 same to the bit. (ISA-L is quick as well, but now and then packs the same bytes in another way.)
 """

@@ -1,4 +1,4 @@
-"""What native.c does, where it was built; without it callers do with libraries, slower."""
+"""What itmo_video/loops does, where it was built; without it callers do with libraries, slower."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ Float64 = npt.NDArray[np.float64]
 Half = npt.NDArray[np.float16]
 Indices = npt.NDArray[np.int64]
 
-_VERSION = 7  # of native.c's functions
+_VERSION = 7  # of the loops
 _BLOCK_ROOM = 2 * 1024 + 32  # HEADER_ROOM for both blocks, zlib's own bytes and the writer's last
-_AT_ONCE = 8  # AT_ONCE in native.c
+_AT_ONCE = 8  # AT_ONCE in guide.c
 
 
 @functools.lru_cache(maxsize=1)
