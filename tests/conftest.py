@@ -13,7 +13,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 
 @pytest.fixture(scope="module", params=["compiled", "libraries"])
 def loops(request: pytest.FixtureRequest) -> Iterator[None]:
-    """What itmo_video/loops does, done by it and then by NumPy and OpenCV, as without a compiler."""
+    """What the compiled loops do, by them and then by NumPy and OpenCV, as without a compiler."""
     if request.param == "compiled" and native.library() is None:
         pytest.skip("installed without a C compiler")
     with pytest.MonkeyPatch.context() as patch:
