@@ -67,6 +67,8 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def run() -> NoReturn:
     """Run the command line as a process of its own, which ends with it."""
+    # NumPy's algebra here is of 3 by 3; its idle threads take a core while others start to work.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     code = main()
     gc.freeze()  # else the interpreter looks three times through all that ends now, for 40 ms
     sys.exit(code)
