@@ -81,11 +81,11 @@ def pack_literals(loaded: ctypes.CDLL, rows: Bytes2D) -> list[bytes]:
     size above 0, and less than 2**31 bytes in all. Other threads run meanwhile.
     """
     count, size = rows.shape
-    if size < 2 or size % 2 or not rows.flags.c_contiguous or rows.size >= 2**31:
+    if size < 2 or size % 2 or rows.size >= 2**31:
         raise ValueError(f"rows of shape {rows.shape} cannot be packed")
     out = np.empty(count * (size * 14 // 8 + _BLOCK_ROOM), np.uint8)
     ends = np.empty(count, np.int64)
-    loaded.itmo_pack_literals(rows.ctypes.data, count, size, out.ctypes.data, ends.ctypes.data)
+    loaded.itmo_pack_literals(_at(rows), count, size, _at(out), _at(ends))
     starts = [0, *ends[:-1].tolist()]
     return [out[a:b].tobytes() for a, b in zip(starts, ends.tolist(), strict=True)]
 
@@ -116,11 +116,18 @@ def ycbcr_rows(
     level, factor = np.array(levels, np.float32), np.array(matrix, np.float32)
     loaded.itmo_ycbcr_rows(
         luma.ctypes.data, cb.ctypes.data, cr.ctypes.data,
-        luma.strides[0], strides.ctypes.data, luma.itemsize,
+        luma.strides[0], _at(strides), luma.itemsize,
         luma.shape[1], width, height, rows.start, rows.stop - rows.start, across, down,
-        level.ctypes.data, factor.ctypes.data, exponent or 0, scratch.ctypes.data,
-        *(plane.ctypes.data for plane in out),
+        _at(level), _at(factor), exponent or 0, _at(scratch),
+        *(_at(plane) for plane in out),
     )  # fmt: skip
+
+
+def _at(array: npt.NDArray[Any]) -> int:
+    """Where an array begins, for a loop that knows of no gaps; ValueError where it has some."""
+    if not array.flags.c_contiguous:
+        raise ValueError(f"an array of shape {array.shape} has strides {array.strides}")
+    return array.ctypes.data
 
 
 def _in_lines(plane: Plane) -> Plane:
@@ -144,8 +151,8 @@ def drive(
     out = np.empty_like(rgb[0]) if out is None else out
     factor = np.array(weights, np.float32)
     loaded.itmo_drive(
-        *(plane.ctypes.data for plane in rgb), factor.ctypes.data,
-        None if ratio is None else ratio.ctypes.data, out.size, out.ctypes.data,
+        *(_at(plane) for plane in rgb), _at(factor),
+        None if ratio is None else _at(ratio), out.size, _at(out),
     )  # fmt: skip
     return out
 
@@ -163,8 +170,8 @@ def camera_model(
     arrays = [np.ascontiguousarray(a, np.float64) for a in (across, down, vectors, texture, sigmas)]
     weight, model = np.empty(texture.size), np.empty((2, 3))
     loaded.itmo_camera_model(
-        *(a.ctypes.data for a in arrays[:4]), texture.size, arrays[4].ctypes.data, len(sigmas),
-        ridge, weight.ctypes.data, model.ctypes.data,
+        *(_at(a) for a in arrays[:4]), texture.size, _at(arrays[4]), len(sigmas),
+        ridge, _at(weight), _at(model),
     )  # fmt: skip
     return model.T
 
@@ -188,9 +195,9 @@ def guided_coefficients(
         np.empty((2, height, width), np.float32),
     )
     loaded.itmo_guided_coefficients(
-        map_small.ctypes.data, guide_small.ctypes.data, height, width,
-        radius_px, epsilon, share.ctypes.data, scratch.ctypes.data,
-        between[0].ctypes.data, between[1].ctypes.data, out[0].ctypes.data, out[1].ctypes.data,
+        _at(map_small), _at(guide_small), height, width,
+        radius_px, epsilon, _at(share), _at(scratch),
+        _at(between[0]), _at(between[1]), _at(out[0]), _at(out[1]),
     )  # fmt: skip
     return out[0], out[1]
 
@@ -225,10 +232,10 @@ def guide_rows(
     loaded.itmo_guide_rows(
         luma.ctypes.data, luma.strides[0], luma.itemsize, 1 / span, -black / span,
         height, rows.start, count, width,
-        small.ctypes.data, planes, h, w,
-        above.ctypes.data, parts.ctypes.data, starts.ctypes.data, shares.ctypes.data,
-        guards, edge_aware, scratch.ctypes.data,
-        None if ratio is None else ratio.ctypes.data, maps.ctypes.data,
+        _at(small), planes, h, w,
+        _at(above), _at(parts), _at(starts), _at(shares),
+        guards, edge_aware, _at(scratch),
+        None if ratio is None else _at(ratio), _at(maps),
     )  # fmt: skip
     return list(maps), ratio
 
@@ -239,7 +246,7 @@ def gain_banterle2006(
     """A new array, `factor` / (sqrt(rest^2 + slope * luminance) + rest), rest 1 - luminance."""
     luminance = np.ascontiguousarray(luminance)
     out = np.empty_like(luminance)
-    loaded.itmo_gain_banterle2006(luminance.ctypes.data, slope, factor, out.size, out.ctypes.data)
+    loaded.itmo_gain_banterle2006(_at(luminance), slope, factor, out.size, _at(out))
     return out
 
 
@@ -254,13 +261,14 @@ def expand(
 ) -> None:
     """Three planes times 1 + strength * (base + weight * (gain - base) - 1) as halves into `out`.
 
-    All planes are contiguous, of one shape; `out` holds three. Rounded to the nearest half; what
-    is too large becomes infinite.
+    All planes are of one shape; `out` holds three. Rounded to the nearest half; what is too large
+    becomes infinite.
     """
+    gain, weight = (np.ascontiguousarray(a, np.float32) for a in (gain, weight))
     loaded.itmo_expand(
-        *(plane.ctypes.data for plane in rgb), gain.ctypes.data, weight.ctypes.data,
+        *(_at(plane) for plane in rgb), _at(gain), _at(weight),
         base, strength, 1 + strength * (base - 1), gain.size,
-        *(plane.ctypes.data for plane in out),
+        *(_at(plane) for plane in out),
     )  # fmt: skip
 
 

@@ -37,7 +37,8 @@ def upsample_rows(
         left = np.floor(x).astype(np.intp)
         share = (x - left).astype(np.float32)
         here, right = strip[..., left % small_w], strip[..., (left + 1) % small_w]
-        return np.asarray(here * (1 - share) + right * share, np.float32)
+        # Looked up by columns they lie in memory column by column.
+        return np.ascontiguousarray(here * (1 - share) + right * share, np.float32)
     lines = strip.reshape(-1, small_w)
     wide = cv2.resize(lines, (width, lines.shape[0]), interpolation=cv2.INTER_LINEAR)
     return np.asarray(wide, np.float32).reshape(*strip.shape[:-1], width)

@@ -11,6 +11,8 @@ from hypothesis import example, given
 
 from itmo_video import exr, make_settings, native, render, warp
 from itmo_video.guide import Guidance, analysis_guide
+from itmo_video.key_map import make_key_map
+from itmo_video.look import make_look
 from itmo_video.luminance import strips
 from itmo_video.model import Encoding, Frame
 from itmo_video.operators.base import Context
@@ -270,3 +272,51 @@ def test_camera_model(by_libraries, count):
     ours = warp.camera_model(across, down, vectors, texture)
     theirs = by_libraries(warp.camera_model, across, down, vectors, texture)
     np.testing.assert_allclose(ours, theirs, rtol=1e-6, atol=1e-8)
+
+
+# ---- whole frames ----
+
+
+def picture(family):
+    """A frame of 150 by 300 with a lamp on its seam, grain and colour."""
+    rng = np.random.default_rng(14)
+    y, x = np.mgrid[:150, :300]
+    lamp = 90 * (np.hypot((x + 20) % 300 - 30, y - 60) < 25)
+
+    def plane(step, base):
+        values = base + lamp[::step, ::step] + rng.normal(0, 3, lamp[::step, ::step].shape)
+        return np.clip(values, 16, 235).astype(np.uint8)
+
+    planes = {
+        "ycbcr": (plane(1, 120), plane(2, 90), plane(2, 100)),
+        "rgb": (plane(1, 120), plane(1, 140), plane(1, 100)),
+        "grey": (plane(1, 120),),
+    }[family]
+    encoding = Encoding(family, 8, "bt709", "limited", "bt1886", "rec709")
+    return Frame(0, Fraction(0), planes, encoding)
+
+
+@compiled
+@pytest.mark.parametrize("family", ["ycbcr", "rgb", "grey"])
+@pytest.mark.parametrize("projection", ["flat", "latlong"])
+@pytest.mark.parametrize("preset", ["default", "paper", "highlights", "ibl", "auto"])
+def test_frames_are_the_same_by_libraries(by_libraries, preset, projection, family):
+    frame = picture(family)
+    look = make_look(make_settings(preset, projection=projection, map_width=128))
+
+    def made():
+        return np.stack(render.render(frame, make_key_map(frame, look), look).rgb)
+
+    ours, theirs = made(), by_libraries(made)
+    np.testing.assert_allclose(
+        ours.astype(np.float64), theirs.astype(np.float64), rtol=3e-3, atol=1e-5
+    )
+    assert np.mean(ours != theirs) < 0.01
+
+
+@compiled
+def test_arrays_with_gaps_are_refused():
+    """A loop that is given a transposed plane would read it in the wrong order, unseen."""
+    plane = np.zeros((4, 6), np.float32)
+    with pytest.raises(ValueError, match="strides"):
+        native.drive(loaded, [plane] * 3, (1, 1, 1), plane.T)
