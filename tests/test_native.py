@@ -300,9 +300,10 @@ def picture(family):
 @pytest.mark.parametrize("family", ["ycbcr", "rgb", "grey"])
 @pytest.mark.parametrize("projection", ["flat", "latlong"])
 @pytest.mark.parametrize("preset", ["default", "paper", "highlights", "ibl", "auto"])
-def test_frames_are_the_same_by_libraries(by_libraries, preset, projection, family):
+@pytest.mark.parametrize("map_width", [128, 512])
+def test_frames_are_the_same_by_libraries(by_libraries, map_width, preset, projection, family):
     frame = picture(family)
-    look = make_look(make_settings(preset, projection=projection, map_width=128))
+    look = make_look(make_settings(preset, projection=projection, map_width=map_width))
 
     def made():
         return np.stack(render.render(frame, make_key_map(frame, look), look).rgb)
