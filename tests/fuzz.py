@@ -38,10 +38,10 @@ def mutate(data: bytes, rng: random.Random) -> bytes:
         elif kind == 1:
             del out[max(1, at) :]
         elif kind == 2:
-            head = rng.randrange(min(size, 4096))
+            head = rng.randrange(min(size, 4096) or 1)
             out[head : head + 4] = rng.randbytes(4)
         elif kind == 3:
-            head = rng.randrange(min(size, 4096))
+            head = rng.randrange(min(size, 4096) or 1)
             out[head : head + 4] = rng.choice((b"\xff" * 4, b"\0" * 4, b"\x7f\xff\xff\xff"))
         elif kind == 4:
             del out[at : at + length]
