@@ -20,7 +20,7 @@ Float64 = npt.NDArray[np.float64]
 Half = npt.NDArray[np.float16]
 Indices = npt.NDArray[np.int64]
 
-_VERSION = 7  # of the loops
+_VERSION = 8  # of the loops
 _BLOCK_ROOM = 2 * 1024 + 32  # HEADER_ROOM for both blocks, zlib's own bytes and the writer's last
 _AT_ONCE = 8  # AT_ONCE in guide.c
 
@@ -51,6 +51,8 @@ def library() -> ctypes.CDLL | None:
         pointer, ctypes.c_float, ctypes.c_float, size, pointer,
     ]  # fmt: skip
     loaded.itmo_gain_banterle2006.restype = None
+    loaded.itmo_gain_auto.argtypes = [pointer, pointer, *[ctypes.c_float] * 5, size, pointer]
+    loaded.itmo_gain_auto.restype = None
     loaded.itmo_expand.argtypes = [
         *[pointer] * 5, *[ctypes.c_float] * 3, size, *[pointer] * 3,
     ]  # fmt: skip
@@ -247,6 +249,27 @@ def gain_banterle2006(
     luminance = np.ascontiguousarray(luminance)
     out = np.empty_like(luminance)
     loaded.itmo_gain_banterle2006(_at(luminance), slope, factor, out.size, _at(out))
+    return out
+
+
+def gain_auto(
+    loaded: ctypes.CDLL,
+    channel: Float32,
+    weight: Float32 | None,
+    gate: tuple[float, float, float, float],
+    stops: float,
+) -> Float32:
+    """2^(stops * weight * (g - low)), 1 where `channel` is not above `gate`'s first: a new array.
+
+    g = 1 / (1 + 2^(slope * (centre - channel))), the channel limited to 1; `gate` is (from, centre,
+    slope, low).
+    """
+    channel = np.ascontiguousarray(channel, np.float32)
+    weight = None if weight is None else np.ascontiguousarray(weight, np.float32)
+    out = np.empty_like(channel)
+    loaded.itmo_gain_auto(
+        _at(channel), None if weight is None else _at(weight), *gate, stops, out.size, _at(out)
+    )
     return out
 
 

@@ -15,6 +15,7 @@ from itmo_video.key_map import make_key_map
 from itmo_video.look import make_look
 from itmo_video.luminance import strips
 from itmo_video.model import Encoding, Frame
+from itmo_video.operators.auto import gain_auto
 from itmo_video.operators.base import Context
 from itmo_video.operators.photographic import gain_banterle2006
 from itmo_video.upsampling import edge_aware_coefficients
@@ -226,6 +227,20 @@ def test_gain_banterle2006_to_the_bit(by_libraries, l_max):
     context = Context(l_max, 0.9 * l_max)
     ours = gain_banterle2006(luminance, context)
     assert np.array_equal(ours, by_libraries(gain_banterle2006, luminance, context))
+
+
+@compiled
+@pytest.mark.parametrize("l_max", [2.0, 20.0, 300.0])
+@pytest.mark.parametrize("is_weighed", [True, False])
+def test_gain_auto(by_libraries, is_weighed, l_max):
+    rng = np.random.default_rng(15)
+    channel = (1.2 * rng.random((40, 131)) ** 3).astype(np.float32)
+    channel[20:] *= 0.3  # nothing to open
+    weight = rng.random(channel.shape, np.float32) if is_weighed else None
+    context = Context(l_max, l_max)
+    ours = gain_auto(channel, weight, context)
+    np.testing.assert_allclose(ours, by_libraries(gain_auto, channel, weight, context), rtol=4e-6)
+    assert (ours[channel <= 0.5] == 1).all()
 
 
 @compiled

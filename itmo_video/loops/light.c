@@ -2,14 +2,25 @@
 
 #include "loops.h"
 
+/* 2 to the power x, from -126 to 127, within 2e-7; `whole` is a whole number near x. */
+INLINE float two_to(float x, int32_t whole)
+{
+    float f = x - (float)whole, scale;
+    float p = FMA(FMA(FMA(FMA(FMA(FMA(0.00015469f, f, 0.00133336f), f, 0.00961813f), f, 0.05550411f),
+                             f, 0.24022651f), f, 0.69314718f), f, 1);
+    int32_t scale_bits = (whole + 127) * (1 << 23);
+    memcpy(&scale, &scale_bits, 4);
+    return p * scale;
+}
+
 /* x to the power g, for x from 1e-8 to 1 and g from 1 to 4, within 6e-6, and 1 of 1.
 
    2 to the power g log2 x. The logarithm of a mantissa m around 1 by its series in (m - 1) / (m + 1),
    the power of a fraction by its own; fma is the same on every machine. */
 INLINE float power(float x, float g)
 {
-    int32_t bits, mantissa_bits, scale_bits;
-    float mantissa, scale;
+    int32_t bits, mantissa_bits;
+    float mantissa;
     memcpy(&bits, &x, 4);
     int32_t exponent = (bits - 0x3f3504f3) >> 23; /* the mantissa between the roots of 1/2 and 2 */
     mantissa_bits = bits - exponent * (1 << 23);
@@ -18,13 +29,8 @@ INLINE float power(float x, float g)
     float series = FMA(FMA(FMA(FMA(0.32059889f, q, 0.41219859f), q, 0.57707802f), q, 0.96179669f),
                         q, 2.88539008f);
     float whole_and_rest = g * FMA(s, series, (float)exponent);
-    int32_t whole = (int32_t)(whole_and_rest - 0.5f); /* the nearest, as none is above 0 */
-    float f = whole_and_rest - (float)whole;
-    float p = FMA(FMA(FMA(FMA(FMA(FMA(0.00015469f, f, 0.00133336f), f, 0.00961813f), f, 0.05550411f),
-                             f, 0.24022651f), f, 0.69314718f), f, 1);
-    scale_bits = (whole + 127) * (1 << 23);
-    memcpy(&scale, &scale_bits, 4);
-    return p * scale;
+    /* The nearest whole, as none is above 0. */
+    return two_to(whole_and_rest, (int32_t)(whole_and_rest - 0.5f));
 }
 
 /* One line of codes, (code * own + other * share - black) / span for a line and its neighbour. */
@@ -132,6 +138,44 @@ CLONED void itmo_gain_banterle2006(const float *luminance, float slope, float fa
     for (int64_t i = 0; i < count; i++) {
         float rest = 1 - luminance[i];
         out[i] = factor / (sqrtf(rest * rest + slope * luminance[i]) + rest);
+    }
+}
+
+/* The nearest whole number to x from -1000 to 1000, or the next; without a branch. */
+INLINE int32_t nearest(float x)
+{
+    return (int32_t)(x + 1000.5f) - 1000;
+}
+
+INLINE void open_gate(const float *channel, const float *weight, float from, float centre,
+                      float slope, float low, float stops, int64_t count, float *restrict out)
+{
+    for (int64_t x = 0; x < count; x++) {
+        float closed = (centre - between(channel[x], from, 1)) * slope;
+        float gate = 1 / (1 + two_to(closed, nearest(closed))) - low;
+        float opened = gate * stops * weight[x] * (float)(channel[x] > from);
+        out[x] = two_to(opened, nearest(opened));
+    }
+}
+
+/* See native.gain_auto. */
+CLONED void itmo_gain_auto(const float *channel, const float *weight, float from, float centre,
+                           float slope, float low, float stops, int64_t count, float *restrict out)
+{
+    enum { BLOCK = 64 };
+    float ones[BLOCK];
+    for (int64_t x = 0; x < BLOCK; x++)
+        ones[x] = 1;
+    for (int64_t i = 0; i < count; i += BLOCK) {
+        int64_t size = count - i < BLOCK ? count - i : BLOCK;
+        int bright = 0;
+        for (int64_t x = i; x < i + size; x++)
+            bright |= channel[x] > from;
+        if (bright)
+            open_gate(channel + i, weight ? weight + i : ones, from, centre, slope, low, stops, size,
+                      out + i);
+        else
+            memcpy(out + i, ones, size * sizeof *out);
     }
 }
 
