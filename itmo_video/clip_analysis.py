@@ -16,7 +16,7 @@ from itmo_video.analysis import Analysis, Bars, Shot, Statistics
 from itmo_video.cuts import Analysed, analyse_frame, difference, place
 from itmo_video.errors import DamagedInputError, InputError
 from itmo_video.guide import analysis_size
-from itmo_video.luminance import luminance_of
+from itmo_video.luminance import limited_luminance
 from itmo_video.model import Frame
 from itmo_video.plan import input_options
 from itmo_video.reader import Clip, open_clip
@@ -174,7 +174,7 @@ def _tally(frame: Frame, map_width: int) -> _Tally:
     size = analysis_size(*frame.size, map_width)
     planes = tuple(cv2.resize(p, size, interpolation=cv2.INTER_AREA) for p in frame.planes)
     small = replace(frame, planes=planes)
-    luminance = np.clip(luminance_of(linear_light.to_rgb_linear(small, clip=True)), 0, 1)
+    luminance = limited_luminance(linear_light.to_rgb_linear(small, clip=True))
     bins = np.minimum(luminance ** (1 / _GAMMA) * _BINS, _BINS - 1).astype(np.int64)
     tally.histogram = np.bincount(bins.ravel(), minlength=_BINS)
     tally.total, tally.maximum = float(luminance.mean(dtype=np.float64)), float(luminance.max())

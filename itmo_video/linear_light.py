@@ -66,8 +66,8 @@ def to_rgb_linear(frame: Frame, *, clip: bool) -> Planes:
 def strip_to_rgb_linear(frame: Frame, rows: slice, clip: bool, out: Planes) -> None:
     """Write the given rows of `to_rgb_linear` into three float32 arrays of (rows, width).
 
-    Any strip gives bit for bit the rows of the whole frame; about 40 rows are fastest. Raises
-    ValueError where the encoding's transfer is PQ or HLG.
+    Any strip gives bit for bit the rows of the whole frame. Raises ValueError where the encoding's
+    transfer is PQ or HLG.
     """
     encoding = frame.encoding
     if encoding.family != "ycbcr":

@@ -12,7 +12,8 @@ from itmo_video.guide import averaged
 from itmo_video.model import Float32, Frame
 from itmo_video.operators import LUMINANCE_WEIGHTS
 
-STRIP_ROWS = 120  # with fewer threads wait for each other's GIL, with more planes leave the cache
+# With fewer, threads wait for each other's GIL; with more, planes leave the cache.
+STRIP_ROWS = 120
 
 
 def strips(height: int) -> Iterator[slice]:
@@ -30,17 +31,26 @@ def luminance_of(rgb: Sequence[Float32], out: Float32 | None = None) -> Float32:
     return total
 
 
+def limited_luminance(
+    rgb: Sequence[Float32], ratio: Float32 | None = None, out: Float32 | None = None
+) -> Float32:
+    """Eq. 1 times `ratio`, if any, limited to [0, 1]: float32 of the planes' shape."""
+    if (loaded := native.library()) is not None:
+        return native.drive(loaded, rgb, LUMINANCE_WEIGHTS, ratio, out)
+    luminance = luminance_of(rgb, out)
+    if ratio is not None:
+        luminance *= ratio
+    return np.clip(luminance, 0, 1, out=luminance)
+
+
 def frame_luminance(frame: Frame) -> Float32:
     """Linear luminance of a whole frame, (H, W) float32 in [0, 1]."""
     width, height = frame.size
-    luminance, loaded = np.empty((height, width), np.float32), native.library()
+    luminance = np.empty((height, width), np.float32)
     for rows in strips(height):
         rgb = strip_buffers(rows, width)
         linear_light.strip_to_rgb_linear(frame, rows, True, rgb)
-        if loaded is not None:
-            native.drive(loaded, rgb, LUMINANCE_WEIGHTS, None, luminance[rows])
-        else:
-            np.clip(luminance_of(rgb, luminance[rows]), 0, 1, out=luminance[rows])
+        limited_luminance(rgb, out=luminance[rows])
     return luminance
 
 

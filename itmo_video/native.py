@@ -23,6 +23,18 @@ Indices = npt.NDArray[np.int64]
 _VERSION = 8  # of the loops
 _BLOCK_ROOM = 2 * 1024 + 32  # HEADER_ROOM for both blocks, zlib's own bytes and the writer's last
 _AT_ONCE = 8  # AT_ONCE in guide.c
+_TYPES = {"p": ctypes.c_void_p, "n": ctypes.c_int64, "f": ctypes.c_float, "d": ctypes.c_double}
+_ARGUMENTS = {
+    "pack_literals": "pnnpp",
+    "ycbcr_rows": "pppnpn" + "nnnnnnn" + "ppfp" + "ppp",
+    "drive": "pppppnp",
+    "camera_model": "ppppn" + "pndpp",
+    "guided_coefficients": "ppnnnfpp" + "pppp",
+    "guide_rows": "pnnff" + "nnnn" + "pnnn" + "pppp" + "nnp" + "pp",
+    "gain_banterle2006": "pffnp",
+    "gain_auto": "ppfffffnp",
+    "expand": "ppppp" + "fffn" + "ppp",
+}
 
 
 @functools.lru_cache(maxsize=1)
@@ -37,42 +49,24 @@ def library() -> ctypes.CDLL | None:
             return None
     except (OSError, AttributeError):  # another system's, or an old one
         return None
-    size, pointer = ctypes.c_int64, ctypes.c_void_p
-    loaded.itmo_pack_literals.argtypes = [pointer, size, size, pointer, pointer]
-    loaded.itmo_pack_literals.restype = None
-    loaded.itmo_ycbcr_rows.argtypes = [
-        pointer, pointer, pointer, size, pointer, size,
-        size, size, size, size, size, size, size,
-        pointer, pointer, ctypes.c_float, pointer, pointer, pointer, pointer,
-    ]  # fmt: skip
-    loaded.itmo_drive.argtypes = [pointer, pointer, pointer, pointer, pointer, size, pointer]
-    loaded.itmo_ycbcr_rows.restype = loaded.itmo_drive.restype = None
-    loaded.itmo_gain_banterle2006.argtypes = [
-        pointer, ctypes.c_float, ctypes.c_float, size, pointer,
-    ]  # fmt: skip
-    loaded.itmo_gain_banterle2006.restype = None
-    loaded.itmo_gain_auto.argtypes = [pointer, pointer, *[ctypes.c_float] * 5, size, pointer]
-    loaded.itmo_gain_auto.restype = None
-    loaded.itmo_expand.argtypes = [
-        *[pointer] * 5, *[ctypes.c_float] * 3, size, *[pointer] * 3,
-    ]  # fmt: skip
-    loaded.itmo_expand.restype = None
-    loaded.itmo_guide_rows.argtypes = [
-        pointer, size, size, ctypes.c_float, ctypes.c_float, size, size, size, size,
-        pointer, size, size, size,
-        pointer, pointer, pointer, pointer,
-        size, size, pointer, pointer, pointer,
-    ]  # fmt: skip
-    loaded.itmo_guide_rows.restype = None
-    loaded.itmo_camera_model.argtypes = [
-        pointer, pointer, pointer, pointer, size, pointer, size, ctypes.c_double, pointer, pointer,
-    ]  # fmt: skip
-    loaded.itmo_camera_model.restype = None
-    loaded.itmo_guided_coefficients.argtypes = [
-        pointer, pointer, size, size, size, ctypes.c_float, *[pointer] * 6,
-    ]  # fmt: skip
-    loaded.itmo_guided_coefficients.restype = None
+    for name, letters in _ARGUMENTS.items():
+        function = getattr(loaded, f"itmo_{name}")
+        function.argtypes, function.restype = [_TYPES[letter] for letter in letters], None
     return loaded
+
+
+def _at(array: npt.NDArray[Any] | None) -> int | None:
+    """Where an array begins, for a loop that knows of no gaps; ValueError where it has some."""
+    if array is None:
+        return None
+    if not array.flags.c_contiguous:
+        raise ValueError(f"an array of shape {array.shape} has strides {array.strides}")
+    return array.ctypes.data
+
+
+def _whole(plane: npt.NDArray[Any]) -> Float32:
+    """The plane as the loops read it: float32 without gaps."""
+    return np.ascontiguousarray(plane, np.float32)
 
 
 def pack_literals(loaded: ctypes.CDLL, rows: Bytes2D) -> list[bytes]:
@@ -125,13 +119,6 @@ def ycbcr_rows(
     )  # fmt: skip
 
 
-def _at(array: npt.NDArray[Any]) -> int:
-    """Where an array begins, for a loop that knows of no gaps; ValueError where it has some."""
-    if not array.flags.c_contiguous:
-        raise ValueError(f"an array of shape {array.shape} has strides {array.strides}")
-    return array.ctypes.data
-
-
 def _in_lines(plane: Plane) -> Plane:
     """The plane, or a copy whose lines are without gaps between codes of this machine's kind."""
     if plane.strides[1] == plane.itemsize and plane.dtype.isnative:
@@ -154,7 +141,7 @@ def drive(
     factor = np.array(weights, np.float32)
     loaded.itmo_drive(
         *(_at(plane) for plane in rgb), _at(factor),
-        None if ratio is None else _at(ratio), out.size, _at(out),
+        _at(ratio), out.size, _at(out),
     )  # fmt: skip
     return out
 
@@ -168,12 +155,11 @@ def camera_model(
     sigmas: Sequence[float],
     ridge: float,
 ) -> Float64:
-    """`warp.camera_model`, in one order of sums on all machines: (3, 2)."""
-    arrays = [np.ascontiguousarray(a, np.float64) for a in (across, down, vectors, texture, sigmas)]
-    weight, model = np.empty(texture.size), np.empty((2, 3))
+    """`warp.camera_model` of float64 arrays, in one order of sums on all machines: (3, 2)."""
+    scales, weight, model = np.array(sigmas), np.empty(texture.size), np.empty((2, 3))
     loaded.itmo_camera_model(
-        *(_at(a) for a in arrays[:4]), texture.size, _at(arrays[4]), len(sigmas),
-        ridge, _at(weight), _at(model),
+        _at(across), _at(down), _at(vectors), _at(texture), texture.size,
+        _at(scales), scales.size, ridge, _at(weight), _at(model),
     )  # fmt: skip
     return model.T
 
@@ -188,20 +174,17 @@ def guided_coefficients(
 ) -> tuple[Float32, Float32]:
     """`upsampling.edge_aware_coefficients`; `share` is one over the pixels of each window."""
     is_same = map_small is guide_small
-    guide_small, share = np.ascontiguousarray(guide_small), np.ascontiguousarray(share)
-    map_small = guide_small if is_same else np.ascontiguousarray(map_small)
+    guide_small = _whole(guide_small)
+    map_small = guide_small if is_same else _whole(map_small)
     height, width = guide_small.shape
     scratch = np.empty(4 * (3 * width + 2 * radius_px + 1), np.float64)
-    between, out = (
-        np.empty((2, height, width), np.float32),
-        np.empty((2, height, width), np.float32),
-    )
+    between_a, between_b, a, b = np.empty((4, height, width), np.float32)
     loaded.itmo_guided_coefficients(
         _at(map_small), _at(guide_small), height, width,
         radius_px, epsilon, _at(share), _at(scratch),
-        _at(between[0]), _at(between[1]), _at(out[0]), _at(out[1]),
+        _at(between_a), _at(between_b), _at(a), _at(b),
     )  # fmt: skip
-    return out[0], out[1]
+    return a, b
 
 
 def guide_rows(
@@ -222,7 +205,7 @@ def guide_rows(
     the one below. With `guards` the first two planes are the ratio's. Any strip has the same bytes.
     """
     above, parts = between
-    luma, small = _in_lines(luma), np.ascontiguousarray(small)
+    luma, small = _in_lines(luma), _whole(small)
     count, (planes, h, w), (height, width) = len(above), small.shape, luma.shape
     starts, shares = _columns_between(w, width)
     ratio = np.empty((count, width), np.float32) if guards else None
@@ -237,7 +220,7 @@ def guide_rows(
         _at(small), planes, h, w,
         _at(above), _at(parts), _at(starts), _at(shares),
         guards, edge_aware, _at(scratch),
-        None if ratio is None else _at(ratio), _at(maps),
+        _at(ratio), _at(maps),
     )  # fmt: skip
     return list(maps), ratio
 
@@ -246,7 +229,7 @@ def gain_banterle2006(
     loaded: ctypes.CDLL, luminance: Float32, slope: float, factor: float
 ) -> Float32:
     """A new array, `factor` / (sqrt(rest^2 + slope * luminance) + rest), rest 1 - luminance."""
-    luminance = np.ascontiguousarray(luminance)
+    luminance = _whole(luminance)
     out = np.empty_like(luminance)
     loaded.itmo_gain_banterle2006(_at(luminance), slope, factor, out.size, _at(out))
     return out
@@ -264,12 +247,10 @@ def gain_auto(
     g = 1 / (1 + 2^(slope * (centre - channel))), the channel limited to 1; `gate` is (from, centre,
     slope, low).
     """
-    channel = np.ascontiguousarray(channel, np.float32)
-    weight = None if weight is None else np.ascontiguousarray(weight, np.float32)
+    channel = _whole(channel)
+    weight = None if weight is None else _whole(weight)
     out = np.empty_like(channel)
-    loaded.itmo_gain_auto(
-        _at(channel), None if weight is None else _at(weight), *gate, stops, out.size, _at(out)
-    )
+    loaded.itmo_gain_auto(_at(channel), _at(weight), *gate, stops, out.size, _at(out))
     return out
 
 
@@ -287,7 +268,7 @@ def expand(
     All planes are of one shape; `out` holds three. Rounded to the nearest half; what is too large
     becomes infinite.
     """
-    gain, weight = (np.ascontiguousarray(a, np.float32) for a in (gain, weight))
+    gain, weight = _whole(gain), _whole(weight)
     loaded.itmo_expand(
         *(_at(plane) for plane in rgb), _at(gain), _at(weight),
         base, strength, 1 + strength * (base - 1), gain.size,

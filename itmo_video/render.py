@@ -11,9 +11,14 @@ import numpy as np
 from itmo_video import colour, linear_light, native
 from itmo_video.guide import Guidance, analysis_guide
 from itmo_video.look import Look, context_of
-from itmo_video.luminance import frame_luminance, luminance_of, strip_buffers, strips
+from itmo_video.luminance import (
+    frame_luminance,
+    limited_luminance,
+    luminance_of,
+    strip_buffers,
+    strips,
+)
 from itmo_video.model import Float32, Float64, Frame, Half
-from itmo_video.operators import LUMINANCE_WEIGHTS
 
 HALF_MAX = 65504.0
 _LEAST_FOR_CV2 = 64  # cv2 takes arrays of up to four elements for scalars
@@ -78,7 +83,7 @@ def render(
             for gain in gains:
                 _weighed(gain, [], 1, settings.strength)
         else:
-            gain = look.operator.gain(_drive(rgb, denoise), context)
+            gain = look.operator.gain(limited_luminance(rgb, denoise), context)
             if loops is not None and len(maps) == 1:
                 native.expand(loops, rgb, gain, maps[0], base, settings.strength, out[:, rows])
                 continue
@@ -89,16 +94,6 @@ def render(
         _write_strip(rgb, gains, matrix, limit, out[:, rows])
     half_alpha = None if alpha is None else alpha.astype(np.float16)
     return Rendered((out[0], out[1], out[2]), half_alpha, layers)
-
-
-def _drive(rgb: Sequence[Float32], denoise: Float32 | None) -> Float32:
-    """What a gain is found from: luminance, denoised if so wished, in [0, 1]."""
-    if (loaded := native.library()) is not None:
-        return native.drive(loaded, rgb, LUMINANCE_WEIGHTS, denoise)
-    light = luminance_of(rgb)
-    if denoise is not None:
-        light *= denoise
-    return np.clip(light, 0, 1, out=light)
 
 
 def _weighed(gain: Float32, maps: Sequence[Float32], base: float, strength: float) -> list[Float32]:

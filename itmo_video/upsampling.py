@@ -27,18 +27,18 @@ def upsample_rows(
     """
     height, width = shape_hw
     above, below, part, rest = rows_between(rows.start, rows.stop, maps_small.shape[-2], height)
-    # What is looked up by rows or columns lies in memory by them: each map is to be in one piece.
-    strip = np.ascontiguousarray(maps_small[..., above, :] * rest[:, None], np.float32)
-    strip += maps_small[..., below, :] * part[:, None]
+    # By take, as what is indexed by rows or columns comes out transposed in memory.
+    strip = maps_small.take(above, -2) * rest[:, None]
+    strip += maps_small.take(below, -2) * part[:, None]
     small_w = strip.shape[-1]
     if small_w == width:
-        return strip
+        return np.asarray(strip, np.float32)
     if wrap_x:
         x = (np.arange(width) + 0.5) * (small_w / width) - 0.5
         left = np.floor(x).astype(np.intp)
         share = (x - left).astype(np.float32)
-        here, right = strip[..., left % small_w], strip[..., (left + 1) % small_w]
-        return np.ascontiguousarray(here * (1 - share) + right * share, np.float32)
+        here, right = strip.take(left % small_w, -1), strip.take((left + 1) % small_w, -1)
+        return np.asarray(here * (1 - share) + right * share, np.float32)
     lines = strip.reshape(-1, small_w)
     wide = cv2.resize(lines, (width, lines.shape[0]), interpolation=cv2.INTER_LINEAR)
     return np.asarray(wide, np.float32).reshape(*strip.shape[:-1], width)

@@ -55,8 +55,9 @@ def steadied(here: Code, there: Code, flow: Float32) -> Float32:
     plain = local_difference(here, warp(there, camera))
     still = local_difference(here, there)
     better = np.count_nonzero(still - plain > FLOW_MARGIN)
-    worse = np.count_nonzero(plain - still > FLOW_MARGIN)
-    if better < CAMERA_SHARE * here.size or worse > CAMERA_WORSE * better:
+    if better < CAMERA_SHARE * here.size or (
+        np.count_nonzero(plain - still > FLOW_MARGIN) > CAMERA_WORSE * better
+    ):
         camera, plain = np.zeros_like(flow), still
     moved = local_difference(here, warp(there, flow))
     trust = np.clip((plain - moved) / np.float32(FLOW_MARGIN), 0, 1)

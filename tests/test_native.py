@@ -244,7 +244,7 @@ def test_gain_auto(by_libraries, is_weighed, l_max):
 
 
 @compiled
-def test_every_half_and_what_lies_between(by_libraries):
+def test_every_half_and_what_lies_between():
     """Products by a gain of 1 (no weight) round to halves as NumPy's do, up to infinity."""
     halves = np.arange(0x7C00, dtype=np.uint16).view(np.float16).astype(np.float32)
     middles = ((halves[1:] + halves[:-1]) / 2).astype(np.float32)

@@ -140,7 +140,7 @@ class Muon(torch.optim.Optimizer):
         super().__init__(params, {"lr": lr})
 
     @torch.no_grad()
-    def step(self) -> None:  # type: ignore[override]
+    def step(self) -> None:  # type: ignore[override]  # torch asks for a closure; not needed here
         """One step of every weight (o, i, 3, 3), taken as a matrix (o, 9i)."""
         for group in self.param_groups:
             for p in group["params"]:

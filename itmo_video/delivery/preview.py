@@ -224,7 +224,7 @@ def _film(
             light = hdr.film_light(lights)
             writer.finish(light)
     finally:
-        shots.close()  # type: ignore[attr-defined]
+        shots.close()  # type: ignore[attr-defined]  # whoever maps, it is a generator
     return len(lights), light
 
 

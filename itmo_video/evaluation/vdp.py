@@ -144,7 +144,7 @@ def _import() -> Any:
         import torch
 
         try:
-            import torchvision  # noqa: F401
+            import torchvision  # noqa: F401 - only whether it can be had
         except (ImportError, RuntimeError):
             # PyPI's torchvision does not go with every build of torch; the metric needs a blur.
             _stand_in_for_torchvision(torch)
@@ -158,7 +158,7 @@ def _import() -> Any:
 
 
 def _stand_in_for_torchvision(torch: Any) -> None:
-    class GaussianBlur(torch.nn.Module):  # type: ignore[misc]
+    class GaussianBlur(torch.nn.Module):  # type: ignore[misc]  # its base is Any here
         """Over the last two axes, edges reflected, as torchvision's with a fixed sigma."""
 
         def __init__(self, kernel_size: int, sigma: float) -> None:
@@ -184,5 +184,6 @@ def _stand_in_for_torchvision(torch: Any) -> None:
         setattr(whole, name, part)
         sys.modules[f"torchvision.{name}"] = part
     sys.modules["torchvision"] = whole
+    # Modules are told here what they have, which no type knows.
     parts["transforms"].GaussianBlur = GaussianBlur  # type: ignore[attr-defined]
     parts["ops"].MLP = torch.nn.Sequential  # type: ignore[attr-defined] # imported, not used

@@ -41,6 +41,7 @@ def measure(clip: Path, frames: int, codec: Any, speed: str, out: Path) -> tuple
         made.append((args, more))
         write(self, *args, **more)
 
+    # Watched for as long as this runs, which mypy is right to dislike.
     encode.FilmWriter.__init__, encode.FilmWriter.write = watched, kept  # type: ignore[method-assign]
     try:
         start = time.process_time()
