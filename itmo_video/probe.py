@@ -38,6 +38,11 @@ _STILL_MAGIC = (
 )  # fmt: skip
 _FLOAT_MAGIC = (b"\x76\x2f\x31\x01", b"#?RADIANCE", b"#?RGBE", b"PF\n", b"Pf\n")
 
+# Tags that are not UTF-8 keep their bytes (as surrogates), as PyAV does by itself from 19 on.
+TAG_ERRORS: dict[str, Any] = (
+    {"metadata_errors": "surrogateescape"} if int(av.__version__.split(".")[0]) < 19 else {}
+)
+
 _DIGEST_BLOCK, _DIGEST_WHOLE, _DIGEST_BLOCKS = 1 << 20, 64 << 20, 64
 
 
@@ -150,7 +155,7 @@ def open_video(path: Path, max_pixels: int) -> Iterator[tuple[Any, Any]]:
     }
     try:
         # An absolute path, so that a colon in the name is not taken for a protocol.
-        container = av.open(os.path.abspath(path), options=options, metadata_errors="replace")
+        container = av.open(os.path.abspath(path), options=options, **TAG_ERRORS)
     except (av.FFmpegError, OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or str(error)
         raise InputError(f"is not a video that can be read ({reason})", where=where) from error

@@ -193,7 +193,8 @@ def matrix_turn(matrix: Sequence[int]) -> tuple[int, bool]:
 def frame_turn(frame: Any) -> tuple[int, bool]:
     """(degrees clockwise, mirrored first) that turn a decoded frame upright."""
     try:
-        for side in frame.side_data:
+        for index in range(len(frame.side_data)):  # iterated, it gives keys from PyAV 19 on
+            side = frame.side_data[index]
             if side.type.name == "DISPLAYMATRIX":
                 return matrix_turn(np.frombuffer(bytes(side), np.int32).tolist())
     except ValueError:  # PyAV 18 does not know every kind of side data

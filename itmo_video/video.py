@@ -285,12 +285,16 @@ class VideoClip(Clip):
             rotation_deg=rotation,
             flip=flip,
             field_order=field_order,
-            timecode=next((str(code) for code in codes if code), None),
+            timecode=next((_printable(code) for code in codes if code), None),
             encoding=shown,
             digest=content_digest([self._path]),
             notices=tuple(notices),
             frames_declared=packets.declared,
         )
+
+
+def _printable(tag: str) -> str:
+    return tag.encode(errors="replace").decode()  # bytes that are not UTF-8 come as surrogates
 
 
 def _decoder(stream: Any, max_pixels: int) -> Any:

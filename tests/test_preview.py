@@ -129,12 +129,18 @@ def told_by_stream(film: Path) -> dict[str, Any]:
             )
         }
         frame = next(box.decode(video=0))
-        for data in frame.side_data:
-            if data.type.name == "CONTENT_LIGHT_LEVEL":
-                told["light"] = struct.unpack("<2I", bytes(data)[:8])
-            if data.type.name == "MASTERING_DISPLAY_METADATA":
-                numbers = struct.unpack("<20i", bytes(data)[:80])
-                told["mastering"] = numbers[18] / numbers[19], numbers[16] / numbers[17]
+        found = {
+            data.type.name: bytes(data)
+            for data in map(frame.side_data.__getitem__, range(len(frame.side_data)))
+        }
+        # PyAV 19 (FFmpeg 9) tells what holds for the whole stream on the decoder alone.
+        for kind, data in getattr(c, "decoded_side_data", {}).items():
+            found.setdefault(kind.name, data)
+        if (light := found.get("CONTENT_LIGHT_LEVEL")) is not None:
+            told["light"] = struct.unpack("<2I", light[:8])
+        if (mastering := found.get("MASTERING_DISPLAY_METADATA")) is not None:
+            numbers = struct.unpack("<20i", mastering[:80])
+            told["mastering"] = numbers[18] / numbers[19], numbers[16] / numbers[17]
     return told
 
 

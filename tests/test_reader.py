@@ -473,6 +473,25 @@ def test_odd_names(tmp_path, name, monkeypatch):
     assert len(read(open_clip(os.fsdecode(name)))) == 2
 
 
+def test_tags_that_are_not_utf8_are_no_obstacle(tmp_path):
+    path = write_scene(tmp_path / "a.mkv", "libx264", 3)
+    with av.open(str(path)) as was, av.open(str(tmp_path / "b.mkv"), "w") as box:
+        stream = box.add_stream_from_template(was.streams.video[0])
+        box.metadata.update(title="TITLETITLE", timecode="QQQQQQQQ")
+        for packet in was.demux(video=0):
+            if packet.size:
+                packet.stream = stream
+                box.mux(packet)
+    data = (tmp_path / "b.mkv").read_bytes().replace(b"TIMECODE", b"timecode")
+    for ascii_only in (b"TITLETITLE", b"QQQQQQQQ"):
+        assert ascii_only in data
+        data = data.replace(ascii_only, ascii_only[:3] + b"\xfc\xe9" + ascii_only[5:])
+    (tmp_path / "b.mkv").write_bytes(data)
+    info = open_clip(tmp_path / "b.mkv").info
+    assert info.frames == 3
+    assert info.timecode == "QQQ??QQQ", "must be printable"
+
+
 def test_digest_is_of_the_content(tmp_path):
     a = write_scene(tmp_path / "a.mp4", "libx264", 3)
     b = Path(shutil.copy(a, tmp_path / "b.mp4"))

@@ -22,6 +22,7 @@ from itmo_video.atomic import temp_path
 from itmo_video.delivery import metadata
 from itmo_video.delivery.hdr import Chroma, Codes10, Light
 from itmo_video.errors import OutputError, UsageError
+from itmo_video.probe import TAG_ERRORS
 
 Codec = Literal["av1", "hevc", "prores"]
 Signal = Literal["pq", "hlg", "sdr"]
@@ -69,7 +70,7 @@ def default_chroma(codec: Codec) -> Chroma:
 
 def source_time_base(path: Path) -> Fraction:
     """The unit that the source's video time stamps are counted in, in seconds."""
-    with av.open(os.fspath(path.absolute()), options=_SAFE) as box:
+    with av.open(os.fspath(path.absolute()), options=_SAFE, **TAG_ERRORS) as box:
         return Fraction(box.streams.video[0].time_base or Fraction(1, 90000))
 
 
@@ -120,12 +121,14 @@ class FilmWriter:
         options = {"write_crc32": "0"} if muxer == "matroska" else {}
         self._source = None
         try:
-            self._box: Any = av.open(os.fspath(self._temp), "w", format=muxer, options=options)
+            self._box: Any = av.open(
+                os.fspath(self._temp), "w", format=muxer, options=options, **TAG_ERRORS
+            )
             self._stream = self._add_video()
             self._sound: Iterator[Any] = iter(())
             self._waiting: Any = None
             if source is not None:
-                self._source = av.open(os.fspath(source.absolute()), options=_SAFE)
+                self._source = av.open(os.fspath(source.absolute()), options=_SAFE, **TAG_ERRORS)
                 self._add_sound()
         except (av.FFmpegError, OSError, ValueError) as error:
             self.close()
@@ -218,7 +221,7 @@ class FilmWriter:
     def _mux(self, packets: list[Any]) -> None:
         for packet in packets:
             if packet.pts is not None:
-                self._mux_sound(packet.pts * packet.time_base + self._start_s)
+                self._mux_sound(packet.pts * Fraction(packet.time_base) + self._start_s)
             self._box.mux(packet)
 
     def _mux_sound(self, until_s: Fraction | None) -> None:
@@ -230,7 +233,7 @@ class FilmWriter:
             self._waiting = None
             if packet.pts is None or packet.size == 0:
                 continue
-            base = packet.time_base
+            base = Fraction(packet.time_base)
             at = packet.pts * base
             if until_s is not None and at >= until_s:
                 self._waiting = packet
