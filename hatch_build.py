@@ -1,4 +1,4 @@
-"""Builds itmo_video/loops where there is a C compiler; without one everything works, slower."""
+"""Builds itmo_video/kernels where there is a C compiler; without one everything works, slower."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ class NativeHook(BuildHookInterface):
     def initialize(self, version: str, build_data: dict[str, Any]) -> None:
         """Compile; what goes wrong is said and leaves the library out."""
         package = Path(self.root, "itmo_video")
-        sources = sorted(str(path) for path in package.glob("loops/*.c"))
-        target = package / "_native.so"
+        sources = sorted(str(path) for path in package.glob("kernels/*.c"))
+        target = package / "kernels" / "_native.so"
         target.unlink(missing_ok=True)
         compiler = shlex.split(os.environ.get("CC") or sysconfig.get_config_var("CC") or "cc")
         # The second without what not every compiler and C library can do.
@@ -35,7 +35,7 @@ class NativeHook(BuildHookInterface):
             except OSError as error:
                 reason = str(error)
             if target.exists():
-                build_data["artifacts"].append("itmo_video/_native.so")
+                build_data["artifacts"].append("itmo_video/kernels/_native.so")
                 build_data["pure_python"] = False
                 build_data["tag"] = "py3-none-" + _platform_tag()
                 return

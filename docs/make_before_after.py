@@ -11,7 +11,8 @@ from typing import Any
 import cv2
 import numpy as np
 
-from itmo_video import RunOptions, convert, linear_light, make_settings, open_clip, read_exr
+from itmo_video import RunOptions, convert, make_settings, open_clip, read_exr
+from itmo_video.colour import linear_light
 
 ROOT = Path(__file__).resolve().parent.parent
 FRAME = 24

@@ -6,10 +6,11 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from itmo_video.analysis import Analysis
-    from itmo_video.analysis_file import read_analysis
-    from itmo_video.clip_analysis import analyse
-    from itmo_video.conversion import Summary, convert
+    from itmo_video.analysis.analyse import analyse
+    from itmo_video.analysis.model import Analysis
+    from itmo_video.analysis.reading import read_analysis
+    from itmo_video.conversion.convert import Summary, convert
+    from itmo_video.conversion.plan import Plan, RunOptions
     from itmo_video.errors import (
         AlreadyHdrError,
         CheckFailedError,
@@ -19,17 +20,17 @@ if TYPE_CHECKING:
         OutputError,
         UsageError,
     )
-    from itmo_video.exr import read_exr
     from itmo_video.model import ClipInfo, Encoding, Frame
-    from itmo_video.plan import Plan, RunOptions
-    from itmo_video.reader import Clip, open_clip
-    from itmo_video.settings import Settings, make_settings
+    from itmo_video.output.exr import read_exr
+    from itmo_video.presets import make_settings
+    from itmo_video.settings import Settings
+    from itmo_video.source.opening import Clip, open_clip
 
 _ROOMS = {
-    "clip_analysis": ("analyse",),
-    "analysis": ("Analysis",),
-    "analysis_file": ("read_analysis",),
-    "conversion": ("Summary", "convert"),
+    "analysis.analyse": ("analyse",),
+    "analysis.model": ("Analysis",),
+    "analysis.reading": ("read_analysis",),
+    "conversion.convert": ("Summary", "convert"),
     "errors": (
         "AlreadyHdrError",
         "CheckFailedError",
@@ -39,11 +40,12 @@ _ROOMS = {
         "OutputError",
         "UsageError",
     ),
-    "exr": ("read_exr",),
+    "output.exr": ("read_exr",),
     "model": ("ClipInfo", "Encoding", "Frame"),
-    "plan": ("Plan", "RunOptions"),
-    "reader": ("Clip", "open_clip"),
-    "settings": ("Settings", "make_settings"),
+    "conversion.plan": ("Plan", "RunOptions"),
+    "source.opening": ("Clip", "open_clip"),
+    "presets": ("make_settings",),
+    "settings": ("Settings",),
 }
 _HOMES = {name: room for room, names in _ROOMS.items() for name in names}
 

@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
-import tomllib
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from fractions import Fraction
-from importlib import resources
-from pathlib import Path
 from typing import Any
 
 from itmo_video.errors import UsageError
@@ -233,39 +230,6 @@ def flag_name(name: str) -> str:
     return name.replace("_", "-")
 
 
-def named_number(flag: str, text: str) -> tuple[str, float]:
-    """Name and value of NAME=VALUE, as `flag` was given it; raises UsageError for anything else."""
-    name, _, value = text.partition("=")
-    try:
-        return name, float(value)
-    except ValueError:
-        raise UsageError(f"{flag}: {text!r} is not NAME=VALUE with a number") from None
-
-
-_OF_OPERATOR = ("strength", "l_white", "alpha", "operator_params")
-
-
-def make_settings(preset: str = "default", **overrides: Any) -> Settings:
-    """Settings of a preset (name or TOML file) with overrides; the API's and the CLI's way in.
-
-    Of l_max and peak_nits the one that is overridden replaces the other of the preset. Where the
-    operator is overridden, the preset's strength, l_white, alpha and operator_params, which belong
-    to its own operator, do not hold. Raises UsageError for both maxima, for unknown names and for
-    values out of bounds.
-    """
-    values = load_preset(preset)
-    if "operator" in values and overrides.get("operator", values["operator"]) != values["operator"]:
-        # What a preset sets for its own operator would cripple another one.
-        values = {name: value for name, value in values.items() if name not in _OF_OPERATOR}
-    if "l_max" in overrides and "peak_nits" in overrides:
-        raise UsageError("l-max and peak-nits exclude each other", remedy="Give one of the two.")
-    if "peak_nits" in overrides:
-        values.pop("l_max", None)
-    if "l_max" in overrides:
-        values.pop("peak_nits", None)
-    return settings_from(values | overrides)
-
-
 def settings_from(values: Mapping[str, Any]) -> Settings:
     """Settings from plain values; raises UsageError for unknown names."""
     known = {f.name for f in dataclasses.fields(Settings)}
@@ -274,44 +238,3 @@ def settings_from(values: Mapping[str, Any]) -> Settings:
             f"unknown setting {', '.join(unknown)}", remedy=f"Known: {', '.join(sorted(known))}"
         )
     return Settings(**values)
-
-
-def preset_folder() -> Path:
-    """The folder of the presets: in the installed package, or configs/ of a source checkout."""
-    inside = Path(str(resources.files("itmo_video"))) / "configs"
-    return inside if inside.is_dir() else Path(__file__).resolve().parent.parent / "configs"
-
-
-def preset_names() -> Sequence[str]:
-    """The presets that come with itmo_video, sorted."""
-    return sorted(path.stem for path in preset_folder().glob("*.toml"))
-
-
-def read_preset(preset: str) -> dict[str, Any]:
-    """A preset's whole TOML: `description` and `settings`; raises UsageError if there is none."""
-    path = Path(preset) if preset.endswith(".toml") else preset_folder() / f"{preset}.toml"
-    if not preset.endswith(".toml") and preset not in preset_names():
-        raise UsageError(
-            f"unknown preset {preset!r}",
-            remedy=f"Known: {', '.join(preset_names())}, or a path ending in .toml",
-        )
-    try:
-        with path.open("rb") as file:
-            content = tomllib.load(file)
-    except (OSError, tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise UsageError(f"preset cannot be read: {error}", where=str(path)) from error
-    if unknown := sorted(set(content) - {"description", "settings"}):
-        raise UsageError(
-            f"unknown entry {', '.join(unknown)}",
-            where=str(path),
-            remedy="A preset has `description` and a table [settings].",
-        )
-    return content
-
-
-def load_preset(preset: str) -> dict[str, Any]:
-    """A preset's settings by name (underscores; dashes are accepted)."""
-    table = read_preset(preset).get("settings", {})
-    if not isinstance(table, dict):
-        raise UsageError("[settings] must be a table", where=preset)
-    return {name.replace("-", "_"): value for name, value in table.items()}

@@ -10,10 +10,10 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from itmo_video.errors import InputError
-from itmo_video.exr import read_exr
+from itmo_video.output.exr import read_exr
 
 REPOSITORY = Path(__file__).parents[1]
-COMMAND = (sys.executable, "-W", "error", "-m", "itmo_video.cli")
+COMMAND = (sys.executable, "-W", "error", "-m", "itmo_video")
 ENVIRONMENT = {**os.environ, "PYTHONPATH": str(REPOSITORY)}
 
 # A shell's background job is deaf to SIGINT, and so would be the commands that tests interrupt.

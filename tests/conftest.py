@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from itmo_video import native
+from itmo_video.kernels import library
 
 sys.path.insert(0, str(Path(__file__).parent))
 
@@ -14,9 +14,9 @@ sys.path.insert(0, str(Path(__file__).parent))
 @pytest.fixture(scope="module", params=["compiled", "libraries"])
 def loops(request: pytest.FixtureRequest) -> Iterator[None]:
     """What the compiled loops do, by them and then by NumPy and OpenCV, as without a compiler."""
-    if request.param == "compiled" and native.library() is None:
+    if request.param == "compiled" and library.library() is None:
         pytest.skip("installed without a C compiler")
     with pytest.MonkeyPatch.context() as patch:
         if request.param == "libraries":
-            patch.setattr(native, "library", lambda: None)
+            patch.setattr(library, "library", lambda: None)
         yield

@@ -58,7 +58,7 @@ def run_one(mutant: Path, folder: Path) -> tuple[int, str]:
     def limit() -> None:
         resource.setrlimit(resource.RLIMIT_AS, (MEMORY_BYTES, MEMORY_BYTES))
 
-    command = [sys.executable, "-m", "itmo_video.cli", "convert", str(mutant), str(folder / "out")]
+    command = [sys.executable, "-m", "itmo_video", "convert", str(mutant), str(folder / "out")]
     try:
         run = subprocess.run(
             [*command, "--quiet", "--jobs", "1", "--compression", "none"],

@@ -14,11 +14,11 @@ from clips import exr_bytes, moving_scene, write_ffv1
 from command import run
 
 from itmo_video import RunOptions, analyse, convert, make_settings, read_analysis, read_exr
-from itmo_video.analysis import Analysis, Bars, Shot, Statistics
-from itmo_video.analysis_file import parse_analysis
+from itmo_video.analysis.model import Analysis, Bars, Shot, Statistics
+from itmo_video.analysis.reading import parse_analysis
+from itmo_video.analysis.suggestions import suggestions
 from itmo_video.errors import InputError, OutputError, UsageError
 from itmo_video.model import ClipInfo, Encoding
-from itmo_video.suggestions import suggestions
 
 SETTINGS = make_settings("default", lights=64, radius=64, compression="none")
 SHOTS = [(1, 17), (18, 18), (19, 30)]

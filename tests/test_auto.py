@@ -16,9 +16,9 @@ from hypothesis import strategies as st
 
 from itmo_video import convert, make_settings
 from itmo_video.evaluation.fidelity import pq_psnr_db
-from itmo_video.exr import read_exr
 from itmo_video.operators import auto
 from itmo_video.operators.base import Context
+from itmo_video.output.exr import read_exr
 
 PEAK = 1000 / 203
 BT709 = np.array([0.2126, 0.7152, 0.0722])

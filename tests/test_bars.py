@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from itmo_video.bars import Bars, find_bars
+from itmo_video.expand_map.letterbox import Bars, find_bars
 
 NONE = Bars(0, 0, 0, 0)
 
@@ -53,10 +53,10 @@ def test_what_is_no_bar(kind: str) -> None:
 def test_a_boxed_picture_has_the_map_of_the_picture_alone() -> None:
     from fractions import Fraction
 
-    from itmo_video.key_map import make_key_map
+    from itmo_video.expand_map.key_map import make_key_map
     from itmo_video.look import make_look
     from itmo_video.model import Encoding, Frame
-    from itmo_video.settings import make_settings
+    from itmo_video.presets import make_settings
 
     encoding = Encoding("grey", 8, "bt709", "full", "srgb", "rec709")
     y, x = np.mgrid[0:160, 0:320]

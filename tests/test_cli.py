@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from clips import SHARED, moving_scene, write_ffv1
 
-from itmo_video.cli import main
+from itmo_video.cli.main import main
 
 SAMPLES = Path(__file__).resolve().parents[1] / "sample_clips"
 
@@ -124,7 +124,7 @@ def test_unexpected_errors_show_no_traceback(
     def broken(*args: object) -> None:
         raise RuntimeError("boom")
 
-    monkeypatch.setattr("itmo_video.settings.preset_names", broken)
+    monkeypatch.setattr("itmo_video.presets.preset_names", broken)
     assert main(["presets"]) == 1
     err = capsys.readouterr().err
     assert "boom" in err
@@ -142,7 +142,7 @@ def test_real_clips_give_a_file_a_frame(tmp_path: Path, name: str) -> None:
 
 def test_help_answers_at_once_without_the_heavy_modules() -> None:
     code = (
-        "import sys\nfrom itmo_video.cli import main\n"
+        "import sys\nfrom itmo_video.cli.main import main\n"
         "try: main(['convert', '--help'])\nexcept SystemExit: pass\n"
         "print([m for m in ('cv2', 'av', 'scipy', 'OpenEXR') if m in sys.modules])"
     )

@@ -10,7 +10,8 @@ import cv2
 import numpy as np
 import pytest
 
-from itmo_video import chroma, colour, linear_light
+from itmo_video.colour import chroma, linear_light, primaries
+from itmo_video.colour.transfer import eotf, inverse_eotf
 from itmo_video.model import ChromaSiting, Encoding, Frame
 
 pytestmark = pytest.mark.usefixtures("loops")
@@ -74,9 +75,9 @@ def reference_code(frame):
 @pytest.mark.parametrize("transfer", SDR)
 def test_inverse_undoes_eotf(transfer):
     x = np.concatenate([np.linspace(-0.2, 1.1, 1001), [0.0, 1.0]])
-    assert np.abs(colour.inverse_eotf(colour.eotf(x, transfer), transfer) - x).max() < 3e-7
-    assert colour.eotf(np.array(1.0), transfer) == pytest.approx(1.0, abs=1e-15)
-    np.testing.assert_array_equal(colour.eotf(-x, transfer), -colour.eotf(x, transfer))
+    assert np.abs(inverse_eotf(eotf(x, transfer), transfer) - x).max() < 3e-7
+    assert eotf(np.array(1.0), transfer) == pytest.approx(1.0, abs=1e-15)
+    np.testing.assert_array_equal(eotf(-x, transfer), -eotf(x, transfer))
 
 
 def test_eotfs_match_colour_science():
@@ -84,12 +85,10 @@ def test_eotfs_match_colour_science():
 
     x = np.linspace(0, 1, 4096)
     np.testing.assert_allclose(
-        colour.eotf(x, "bt1886"), science.models.eotf_BT1886(x, L_B=0, L_W=1), rtol=1e-12, atol=0
+        eotf(x, "bt1886"), science.models.eotf_BT1886(x, L_B=0, L_W=1), rtol=1e-12, atol=0
     )
-    np.testing.assert_allclose(
-        colour.eotf(x, "srgb"), science.models.eotf_sRGB(x), rtol=1e-7, atol=0
-    )
-    np.testing.assert_allclose(colour.eotf(x, "gamma22"), x**2.2, rtol=1e-12)
+    np.testing.assert_allclose(eotf(x, "srgb"), science.models.eotf_sRGB(x), rtol=1e-7, atol=0)
+    np.testing.assert_allclose(eotf(x, "gamma22"), x**2.2, rtol=1e-12)
 
 
 def test_srgb_matches_opencolorio():
@@ -99,13 +98,13 @@ def test_srgb_matches_opencolorio():
     x = np.linspace(0, 1, 1000, dtype=np.float32)
     rgb = np.repeat(x[:, None], 3, 1).copy()
     processor.applyRGB(rgb)
-    np.testing.assert_allclose(colour.eotf(x, "srgb"), rgb[:, 0], rtol=2e-4, atol=1e-6)
+    np.testing.assert_allclose(eotf(x, "srgb"), rgb[:, 0], rtol=2e-4, atol=1e-6)
 
 
 @pytest.mark.parametrize("transfer", ["pq", "hlg"])
 def test_hdr_transfers_are_refused(transfer):
     with pytest.raises(ValueError, match=transfer):
-        colour.eotf(np.zeros(3), transfer)
+        eotf(np.zeros(3), transfer)
     with pytest.raises(ValueError, match=transfer):
         linear_light.to_rgb_linear(random_frame(8, 8, encoding(transfer=transfer)), clip=True)
 
@@ -131,23 +130,27 @@ def test_matrices_match_colour_science(source, target):
         space.use_derived_transformation_matrices(True)
         spaces.append(space)
     want = science.matrix_RGB_to_RGB(*spaces, chromatic_adaptation_transform="Bradford")
-    np.testing.assert_allclose(colour.rgb_to_rgb_matrix(source, target), want, atol=2e-4)
+    np.testing.assert_allclose(primaries.rgb_to_rgb_matrix(source, target), want, atol=2e-4)
 
 
-@pytest.mark.parametrize("source", colour.CHROMATICITIES)
-@pytest.mark.parametrize("target", colour.CHROMATICITIES)
+@pytest.mark.parametrize("source", primaries.CHROMATICITIES)
+@pytest.mark.parametrize("target", primaries.CHROMATICITIES)
 def test_white_stays_white_and_back_is_inverse(source, target):
-    there = colour.rgb_to_rgb_matrix(source, target)
+    there = primaries.rgb_to_rgb_matrix(source, target)
     np.testing.assert_allclose(there @ np.ones(3), 1, atol=1e-12)
-    back = colour.rgb_to_rgb_matrix(target, source)
+    back = primaries.rgb_to_rgb_matrix(target, source)
     np.testing.assert_allclose(there @ back, np.eye(3), atol=1e-12)
 
 
 def test_luminance_weights():
-    assert colour.luminance_weights("rec709") == pytest.approx((0.2126, 0.7152, 0.0722), abs=1e-4)
-    assert colour.luminance_weights("rec2020") == pytest.approx((0.2627, 0.6780, 0.0593), abs=1e-4)
-    for name in colour.CHROMATICITIES:
-        assert sum(colour.luminance_weights(name)) == pytest.approx(1, abs=1e-12)
+    assert primaries.luminance_weights("rec709") == pytest.approx(
+        (0.2126, 0.7152, 0.0722), abs=1e-4
+    )
+    assert primaries.luminance_weights("rec2020") == pytest.approx(
+        (0.2627, 0.6780, 0.0593), abs=1e-4
+    )
+    for name in primaries.CHROMATICITIES:
+        assert sum(primaries.luminance_weights(name)) == pytest.approx(1, abs=1e-12)
 
 
 # ---- codes to light ----
@@ -183,7 +186,7 @@ def test_light_is_accurate_down_to_the_darkest_code(transfer, clip):
         )
         step = 2.0 ** (depth - 8)
         x = codes / (2.0**depth - 1) if range_ == "full" else (codes / step - 16) / 219
-        want = colour.eotf(np.clip(x, 0, 1) if clip else x, transfer)
+        want = eotf(np.clip(x, 0, 1) if clip else x, transfer)
         for plane in linear_light.to_rgb_linear(grey, clip=clip):
             np.testing.assert_allclose(plane, want, rtol=1e-4, atol=1e-12)
 
@@ -196,7 +199,7 @@ def test_rgb_and_grey_codes_are_exact(family, depth, transfer):
     got = linear_light.to_rgb_linear(frame, clip=True)
     for i, plane in enumerate(got):
         code = frame.planes[i if family == "rgb" else 0] / (2.0**depth - 1)
-        np.testing.assert_allclose(plane, colour.eotf(code, transfer), rtol=2e-7)
+        np.testing.assert_allclose(plane, eotf(code, transfer), rtol=2e-7)
 
 
 @pytest.mark.parametrize(("depth", "range_", "white", "black"), [

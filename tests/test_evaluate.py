@@ -13,12 +13,13 @@ import pytest
 from clips import moving_scene, write_ffv1
 
 from itmo_video import RunOptions, convert, make_settings
-from itmo_video.cli import main
+from itmo_video.cli.main import main
+from itmo_video.cli.settings_flags import named_number
 from itmo_video.errors import InputError, UsageError
 from itmo_video.evaluation import agreement, folders, sequence
 from itmo_video.evaluation.agreement import SDR, TEST, Display
 from itmo_video.evaluation.folders import ExrSequence, Pair, open_sequence, pair
-from itmo_video.settings import Settings, named_number
+from itmo_video.settings import Settings
 
 
 @pytest.fixture(scope="module")

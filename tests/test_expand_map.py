@@ -11,8 +11,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from itmo_video import expand_map
-from itmo_video.expand_map import (
+from itmo_video.expand_map import density
+from itmo_video.expand_map.density import (
     BETA,
     GAMMA,
     density_map,
@@ -21,7 +21,7 @@ from itmo_video.expand_map import (
     scaled_radius_px,
     white_density,
 )
-from itmo_video.median_cut import Lights, median_cut
+from itmo_video.expand_map.median_cut import Lights, median_cut
 
 Map = npt.NDArray[np.float32]
 MapOf = Callable[..., Map]
@@ -218,7 +218,7 @@ def test_density_map_equals_the_oracle_on_a_median_cut() -> None:
 def test_memory_bound_parts_change_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     lights = median_cut(blobs(), 256)
     whole = density_map(lights, (144, 256), 9.0, 4)
-    monkeypatch.setattr(expand_map, "_MAX_PAIRS", 5000)
+    monkeypatch.setattr(density, "_MAX_PAIRS", 5000)
     parts = density_map(lights, (144, 256), 9.0, 4)
     np.testing.assert_allclose(parts, whole, atol=1e-6, rtol=0, err_msg="parts differ from whole")
 

@@ -15,8 +15,8 @@ import numpy as np
 import OpenEXR
 import pytest
 
-from itmo_video import atomic, exr
 from itmo_video.errors import InputError, OutputError
+from itmo_video.output import atomic, exr
 from itmo_video.settings import COMPRESSIONS
 
 pytestmark = pytest.mark.usefixtures("loops")
@@ -66,7 +66,7 @@ def temp_files(folder):
 
 
 def test_names_come_without_loading_openexr():
-    done = run_python("import sys, itmo_video.exr; print('OpenEXR' in sys.modules)")
+    done = run_python("import sys, itmo_video.output.exr; print('OpenEXR' in sys.modules)")
     assert done.stdout.strip() == "False", done.stderr
 
 
@@ -312,7 +312,8 @@ WRITE_UNTIL_FULL = """
     import dataclasses, sys
     sys.path.insert(0, sys.argv[2])
     from test_exr import HEADER, picture
-    from itmo_video import errors, exr
+    from itmo_video import errors
+    from itmo_video.output import exr
     try:
         import resource
         if len(sys.argv) > 3:

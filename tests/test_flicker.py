@@ -12,7 +12,7 @@ import pytest
 from clips import moving_scene, write_ffv1
 
 from itmo_video import convert, make_settings
-from itmo_video.cli import main
+from itmo_video.cli.main import main
 from itmo_video.evaluation import flicker
 
 

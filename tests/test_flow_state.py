@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 from clips import moving_scene
 
-from itmo_video import warp
+from itmo_video.motion import flow
 
 
 def test_a_small_picture_before_changes_nothing() -> None:
     large = [frame[..., 0] for frame in moving_scene(2, width=192, height=128)]
     small = [frame[..., 0] for frame in moving_scene(2, width=24, height=24)]
-    fresh = warp.flow_px(*map(np.ascontiguousarray, large))
-    warp.flow_px(*map(np.ascontiguousarray, small))
-    again = warp.flow_px(*map(np.ascontiguousarray, large))
+    fresh = flow.flow_px(*map(np.ascontiguousarray, large))
+    flow.flow_px(*map(np.ascontiguousarray, small))
+    again = flow.flow_px(*map(np.ascontiguousarray, large))
     assert (fresh == again).all(), "the flow remembers another clip's size"

@@ -14,9 +14,9 @@ from pathlib import Path
 import pytest
 from test_exr import HEADER, header, picture
 
-from itmo_video import atomic, exr, folder
 from itmo_video.errors import InputError, OutputError
-from itmo_video.folder import MANIFEST_NAME, Manifest, OutputFolder
+from itmo_video.output import atomic, exr, folder
+from itmo_video.output.folder import MANIFEST_NAME, Manifest, OutputFolder
 
 REPOSITORY = Path(__file__).parents[1]
 ENVIRONMENT = {**os.environ, "PYTHONPATH": str(REPOSITORY)}
@@ -276,7 +276,7 @@ def test_claimed_by_a_namesake_during_the_look(out, monkeypatch):
 CLAIM_AND_WRITE = """
     import sys
     from itmo_video.errors import OutputError
-    from itmo_video.folder import Manifest, OutputFolder
+    from itmo_video.output.folder import Manifest, OutputFolder
     place, who, rounds = sys.argv[1:]
     print("ready", flush=True)
     for number in range(int(rounds)):
@@ -367,7 +367,7 @@ def me():
 
 HOLD = """
     import os, sys
-    from itmo_video import atomic
+    from itmo_video.output import atomic
     path = atomic.temp_path(sys.argv[1] + "/clip.0001.exr")
     path.write_bytes(b"half")
     print(path.name, flush=True)
@@ -403,7 +403,7 @@ WRITE_ON = """
     import itertools, sys
     sys.path.insert(0, sys.argv[2])
     from test_exr import HEADER, picture
-    from itmo_video import exr, folder
+    from itmo_video.output import exr, folder
     out = folder.OutputFolder(sys.argv[1], "clip")
     rgb = picture(200, 300)
     print("ready", flush=True)
@@ -469,7 +469,7 @@ def test_sweep_of_a_folder_that_is_not_there(out):
 def test_a_forked_child_has_its_own_name():
     code = """
         import os
-        from itmo_video import atomic
+        from itmo_video.output import atomic
         mother = atomic.temp_path("a").name
         reader, writer = os.pipe()
         if os.fork() == 0:

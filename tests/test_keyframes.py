@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from clips import moving_scene
 
-from itmo_video.cuts import Analysed, analyse_frame, difference, place
-from itmo_video.keyframes import Span, spans
 from itmo_video.model import Encoding, Float32, Frame
+from itmo_video.motion.keyframes import Span, spans
+from itmo_video.motion.shots import Analysed, analyse_frame, difference, place
 
 GREY = Encoding("grey", 8, "bt709", "full", "srgb", "rec709")
 

@@ -7,9 +7,9 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from itmo_video.guide import averaged
-from itmo_video.linear_light import to_rgb_linear
-from itmo_video.luminance import frame_luminance, frame_rgb_small
+from itmo_video.colour.analysis_picture import averaged
+from itmo_video.colour.linear_light import to_rgb_linear
+from itmo_video.colour.luminance import frame_luminance, frame_rgb_small
 from itmo_video.model import Encoding, Frame
 
 pytestmark = pytest.mark.usefixtures("loops")

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from itmo_video.median_cut import median_cut, quantise
+from itmo_video.expand_map.median_cut import median_cut, quantise
 
 Box = tuple[int, int, int, int]
 

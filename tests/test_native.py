@@ -9,18 +9,24 @@ import numpy as np
 import pytest
 from hypothesis import example, given
 
-from itmo_video import exr, make_settings, native, render, warp
-from itmo_video.guide import Guidance, analysis_guide
-from itmo_video.key_map import make_key_map
+from itmo_video import make_settings
+from itmo_video.colour.analysis_picture import analysis_guide
+from itmo_video.colour.strips import strips
+from itmo_video.expand_map.key_map import make_key_map
+from itmo_video.kernels import library
+from itmo_video.kernels.compiled import drive, expand, pack_literals, ycbcr_rows
 from itmo_video.look import make_look
-from itmo_video.luminance import strips
 from itmo_video.model import Encoding, Frame
+from itmo_video.motion import flow
 from itmo_video.operators.auto import gain_auto
 from itmo_video.operators.base import Context
 from itmo_video.operators.photographic import gain_banterle2006
-from itmo_video.upsampling import edge_aware_coefficients
+from itmo_video.output import exr
+from itmo_video.rendering.frame import _weighed, _write_strip, render
+from itmo_video.rendering.guidance import Guidance
+from itmo_video.rendering.guided_upsampling import edge_aware_coefficients
 
-loaded = native.library()
+loaded = library.library()
 compiled = pytest.mark.skipif(loaded is None, reason="installed without a C compiler")
 HEADER = exr.ExrHeader(
     compression="zip",
@@ -53,7 +59,7 @@ def fibonacci_bytes(symbols):
 @example(0, 1, 1, 0.0)
 def test_packed_rows_come_back(seed, count, half, spread):
     rows = np.random.default_rng(seed).normal(128, spread, (count, 2 * half)).astype(np.uint8)
-    packed = native.pack_literals(loaded, rows)
+    packed = pack_literals(loaded, rows)
     assert [zlib.decompress(data) for data in packed] == [row.tobytes() for row in rows]
 
 
@@ -61,14 +67,14 @@ def test_packed_rows_come_back(seed, count, half, spread):
 @pytest.mark.parametrize("symbols", [2, 13, 14, 15, 16, 20, 27])
 def test_long_codes_are_cut_to_what_fits(symbols):
     rows = fibonacci_bytes(symbols)
-    (data,) = native.pack_literals(loaded, rows)
+    (data,) = pack_literals(loaded, rows)
     assert zlib.decompress(data) == rows.tobytes()
 
 
 @compiled
 def test_every_byte_value():
     rows = np.tile(np.arange(256, dtype=np.uint8), (3, 4))
-    packed = native.pack_literals(loaded, rows)
+    packed = pack_literals(loaded, rows)
     assert [zlib.decompress(data) for data in packed] == [row.tobytes() for row in rows]
 
 
@@ -84,7 +90,7 @@ def test_as_small_as_zlibs_huffman_codes(spread):
     for half in np.split(rows[0], 2):
         theirs += packer.compress(half.tobytes()) + packer.flush(zlib.Z_SYNC_FLUSH)
     theirs += packer.flush()
-    (ours,) = native.pack_literals(loaded, rows)
+    (ours,) = pack_literals(loaded, rows)
     assert len(theirs) - 20 <= len(ours) <= len(theirs)  # the flushes are some bytes
 
 
@@ -92,7 +98,7 @@ def test_as_small_as_zlibs_huffman_codes(spread):
 @pytest.mark.parametrize("rows", [np.zeros((2, 3), np.uint8), np.zeros((2, 0), np.uint8)])
 def test_odd_rows_are_refused(rows):
     with pytest.raises(ValueError, match="cannot be packed"):
-        native.pack_literals(loaded, rows)
+        pack_literals(loaded, rows)
 
 
 def grain(height, width, channels):
@@ -105,7 +111,7 @@ def sizes(tmp_path, monkeypatch, rgb, compression):
     """Return the bytes of a picture's file with the compiled loops and without; same pixels."""
     head = exr.ExrHeader(**{**vars(HEADER), "compression": compression})
     with_loops = exr.write_exr(tmp_path / "a.exr", rgb, head)
-    monkeypatch.setattr(native, "library", lambda: None)
+    monkeypatch.setattr(library, "library", lambda: None)
     without = exr.write_exr(tmp_path / "b.exr", rgb, head)
     for name in ("a.exr", "b.exr"):
         channels = exr.read_exr(Path(tmp_path / name)).channels
@@ -129,8 +135,8 @@ def test_what_repeats_is_left_to_matches(tmp_path, monkeypatch, compression):
 
 
 def test_another_version_of_the_library_is_not_used(monkeypatch):
-    monkeypatch.setattr(native, "_VERSION", -1)
-    assert native.library.__wrapped__() is None
+    monkeypatch.setattr(library, "_VERSION", -1)
+    assert library.library.__wrapped__() is None
 
 
 # ---- maps and luminance (test_colour.py holds linear light against the equations) ----
@@ -142,7 +148,7 @@ def by_libraries(monkeypatch):
 
     def call(function, *arguments):
         with monkeypatch.context() as patch:
-            patch.setattr(native, "library", lambda: None)
+            patch.setattr(library, "library", lambda: None)
             return function(*arguments)
 
     return call
@@ -157,7 +163,7 @@ def test_power(seed, gamma):
     flat = np.full((1, 64), 32768, np.uint16)
     out = [np.empty((1, 64), np.float32) for _ in range(3)]
     levels = (4096.0, 56064.0, 32768.0, 57344.0)
-    native.ycbcr_rows(
+    ycbcr_rows(
         loaded, (codes, flat, flat), slice(0, 1), (None, None), levels, (1, 1, 1, 1), gamma, out
     )
     want = ((codes - 4096.0) / 56064) ** gamma
@@ -202,7 +208,7 @@ def test_drive(with_ratio):
     weights = (0.213, 0.715, 0.072)
     want = sum(w * plane.astype(np.float64) for w, plane in zip(weights, rgb, strict=True))
     want = np.clip(want * (1 if ratio is None else ratio), 0, 1)
-    np.testing.assert_allclose(native.drive(loaded, rgb, weights, ratio), want, atol=1e-6)
+    np.testing.assert_allclose(drive(loaded, rgb, weights, ratio), want, atol=1e-6)
 
 
 @compiled
@@ -254,7 +260,7 @@ def test_every_half_and_what_lies_between():
     values = np.concatenate([values, -values])
     out = np.empty((3, values.size), np.float16)
     weight = np.zeros_like(values)
-    native.expand(loaded, [values] * 3, weight + 7, weight, 1.0, 1.0, out)
+    expand(loaded, [values] * 3, weight + 7, weight, 1.0, 1.0, out)
     with np.errstate(over="ignore"):
         want = values.astype(np.float16)
     for plane in out:
@@ -268,10 +274,10 @@ def test_expand_to_the_bit(strength):
     rgb = [rng.random((40, 131), np.float32) for _ in range(3)]
     gain, weight = 1 + 9 * rng.random((40, 131), np.float32), rng.random((40, 131), np.float32)
     out = np.empty((3, 40, 131), np.float16)
-    native.expand(loaded, rgb, gain, weight, 0.7, strength, out)
-    (weighed,) = render._weighed(gain.copy(), [weight], 0.7, strength)
+    expand(loaded, rgb, gain, weight, 0.7, strength, out)
+    (weighed,) = _weighed(gain.copy(), [weight], 0.7, strength)
     want = np.empty_like(out)
-    render._write_strip(rgb, [weighed], None, False, want)
+    _write_strip(rgb, [weighed], None, False, want)
     assert np.array_equal(out, want)
 
 
@@ -284,8 +290,8 @@ def test_camera_model(by_libraries, count):
     vectors = np.stack([1 + 2 * across - down, -3 + 0.5 * down]) + rng.normal(0, 0.2, (2, count))
     vectors[:, ::4] += 9
     texture = rng.integers(1, 50, count).astype(np.float64)
-    ours = warp.camera_model(across, down, vectors, texture)
-    theirs = by_libraries(warp.camera_model, across, down, vectors, texture)
+    ours = flow.camera_model(across, down, vectors, texture)
+    theirs = by_libraries(flow.camera_model, across, down, vectors, texture)
     np.testing.assert_allclose(ours, theirs, rtol=1e-6, atol=1e-8)
 
 
@@ -321,7 +327,7 @@ def test_frames_are_the_same_by_libraries(by_libraries, map_width, preset, proje
     look = make_look(make_settings(preset, projection=projection, map_width=map_width))
 
     def made():
-        return np.stack(render.render(frame, make_key_map(frame, look), look).rgb)
+        return np.stack(render(frame, make_key_map(frame, look), look).rgb)
 
     ours, theirs = made(), by_libraries(made)
     np.testing.assert_allclose(
@@ -335,4 +341,4 @@ def test_arrays_with_gaps_are_refused():
     """A loop that is given a transposed plane would read it in the wrong order, unseen."""
     plane = np.zeros((4, 6), np.float32)
     with pytest.raises(ValueError, match="strides"):
-        native.drive(loaded, [plane] * 3, (1, 1, 1), plane.T)
+        drive(loaded, [plane] * 3, (1, 1, 1), plane.T)

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from itmo_video import cli
-from itmo_video.frame_ranges import parse_ranges
+from itmo_video.cli import main
+from itmo_video.conversion.frame_ranges import parse_ranges
 
 RECIPE = Path(__file__).parents[1] / "configs" / "openjd-convert.yaml"
 
@@ -62,6 +62,6 @@ def test_its_commands_are_ours() -> None:
     assert {str(c.command) for c in commands} == {"itmo-video"}
     for action in commands:
         words = [re.sub(r"\{\{.*\}\}", "1", str(word)) for word in action.args]
-        parsed = cli._parser().parse_args(words)
+        parsed = main._parser().parse_args(words)
         assert parsed.frames == "1"
         assert parsed.preset == "1"

@@ -17,15 +17,16 @@ import numpy as np
 import pytest
 from clips import SHARED, moving_scene, write_ffv1
 
-from itmo_video import chroma, colour, make_settings
-from itmo_video.cli import main
-from itmo_video.conversion import RunOptions, convert
+from itmo_video import make_settings
+from itmo_video.cli.main import main
+from itmo_video.colour import chroma, primaries, transfer
+from itmo_video.conversion.convert import RunOptions, convert
 from itmo_video.delivery import hdr, metadata, sdr
 from itmo_video.delivery.encode import HIGH_CRF
 from itmo_video.delivery.in_order import Closed, InOrder, run_in_order
 from itmo_video.delivery.preview import PreviewOptions, PreviewSummary, preview
 from itmo_video.errors import UsageError
-from itmo_video.exr import read_exr
+from itmo_video.output.exr import read_exr
 
 PEAK = 1000.0
 FILMS = [
@@ -54,7 +55,7 @@ def exrs(clip: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def nits_of(folder: Path) -> list[np.ndarray[Any, Any]]:
     """BT.2020 R, G, B in nits of each EXR (3, H, W), by float64 and another road than ours."""
-    matrix = colour.rgb_to_rgb_matrix("rec709", "rec2020")
+    matrix = primaries.rgb_to_rgb_matrix("rec709", "rec2020")
     out = []
     for path in sorted(folder.glob("*.exr")):
         channels = read_exr(path).channels
@@ -77,7 +78,7 @@ def decoded_nits(path: Path, view: str) -> list[np.ndarray[Any, Any]]:
             red, blue = y + 1.4746 * cr, y + 1.8814 * cb
             green = (y - 0.2627 * red - 0.0593 * blue) / 0.6780
             code = np.stack([red, green, blue])
-            out.append(hdr.pq_nits(code) if view == "hdr10" else hdr.hlg_nits(code, PEAK))
+            out.append(transfer.pq_nits(code) if view == "hdr10" else transfer.hlg_nits(code, PEAK))
     return out
 
 
@@ -307,9 +308,9 @@ def test_high_quality_is_asked_for_by_a_word(clip: Path, tmp_path: Path) -> None
 
 def test_a_failing_picture_ends_the_preview(clip: Path, tmp_path: Path) -> None:
     """No thread waits for a frame that will never come."""
-    from itmo_video.delivery import pictures
+    from itmo_video.delivery import from_clip, pictures
 
-    source = pictures.from_clip(clip, make_settings(), RunOptions(jobs=3))
+    source = from_clip.from_clip(clip, make_settings(), RunOptions(jobs=3))
 
     def work(picture: pictures.Picture) -> int:
         if picture.index == 2:

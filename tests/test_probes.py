@@ -14,7 +14,7 @@ import pytest
 from clips import write_ffv1
 
 from itmo_video import RunOptions, convert, make_settings
-from itmo_video.cli import main
+from itmo_video.cli.main import main
 from itmo_video.errors import InputError
 from itmo_video.evaluation import ibl, probes
 

@@ -15,7 +15,7 @@ from clips import moving_scene, write_ffv1
 
 from itmo_video import RunOptions, convert
 from itmo_video.errors import OutputError, UsageError
-from itmo_video.key_map import make_key_map
+from itmo_video.expand_map.key_map import make_key_map
 from itmo_video.look import make_look
 from itmo_video.model import Encoding, Frame
 from itmo_video.operators import (
@@ -36,8 +36,9 @@ from itmo_video.operators import (
     ward1994,
 )
 from itmo_video.operators.bilateral_grid import cross_bilateral
-from itmo_video.render import render
-from itmo_video.settings import Settings, make_settings
+from itmo_video.presets import make_settings
+from itmo_video.rendering.frame import render
+from itmo_video.settings import Settings
 
 DISPLAY = np.linspace(1e-4, 1, 1001)
 STATS = FrameStats(0.0, 1.0, 0.1, 0.5, 0.01, 0.8)

@@ -16,12 +16,14 @@ import numpy as np
 import pytest
 from clips import SHARED
 
-from itmo_video import colour, linear_light, planes, tags
+from itmo_video.colour import linear_light
+from itmo_video.colour.transfer import eotf
 from itmo_video.errors import AlreadyHdrError, DamagedInputError, InputError
 from itmo_video.model import Encoding
-from itmo_video.probe import content_digest
-from itmo_video.reader import open_clip
-from itmo_video.tags import InputOptions
+from itmo_video.source import planes, tags
+from itmo_video.source.files import content_digest
+from itmo_video.source.opening import open_clip
+from itmo_video.source.tags import InputOptions
 
 DATA = SHARED / "data"
 MAKER = Path(__file__).resolve().parents[1] / "sample_clips"
@@ -357,7 +359,7 @@ def test_rgb_bars_are_exact(tmp_path):
     frame = next(open_clip(path).frames())
     assert (frame.encoding.family, frame.encoding.transfer) == ("rgb", "srgb")
     got = np.stack(linear_light.to_rgb_linear(frame, clip=True), -1)
-    np.testing.assert_allclose(got, colour.eotf(rgb / 255, "srgb"), atol=1e-6)
+    np.testing.assert_allclose(got, eotf(rgb / 255, "srgb"), atol=1e-6)
 
 
 # ---- tags, overrides, refusals ----

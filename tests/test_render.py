@@ -10,7 +10,7 @@ import pytest
 from clips import write_ffv1
 
 from itmo_video import RunOptions, convert, make_settings
-from itmo_video.exr import read_exr
+from itmo_video.output.exr import read_exr
 
 pytestmark = pytest.mark.usefixtures("loops")
 
@@ -111,8 +111,8 @@ def test_layers_say_what_was_done(tmp_path: Path) -> None:
 
 def test_the_layer_is_the_definition_of_the_map(tmp_path: Path) -> None:
     """512x288, lossless: design.md's definition read plainly in float64."""
-    from itmo_video.expand_map import kernel_weight, scaled_radius_px, white_density
-    from itmo_video.median_cut import median_cut
+    from itmo_video.expand_map.density import kernel_weight, scaled_radius_px, white_density
+    from itmo_video.expand_map.median_cut import median_cut
 
     y, x = np.mgrid[0:288, 0:512]
     grey = 30 + 60 * np.exp(-((x - 100) ** 2 + (y - 90) ** 2) / 9000)

@@ -16,11 +16,11 @@ import pytest
 from clips import moving_scene, write_ffv1
 
 from itmo_video import make_settings
-from itmo_video.cli import main
-from itmo_video.conversion import RunOptions, convert
+from itmo_video.cli.main import main
+from itmo_video.conversion.convert import RunOptions, convert
 from itmo_video.delivery.preview import PreviewOptions, preview
-from itmo_video.exr import read_exr
-from itmo_video.folder import MANIFEST_NAME
+from itmo_video.output.exr import read_exr
+from itmo_video.output.folder import MANIFEST_NAME
 from itmo_video.report import embed, page, plots
 
 HOSTILE = "<script>alert(1)<∕script>.mkv"  # file names cannot hold a plain slash

@@ -10,7 +10,7 @@ import pytest
 from clips import SHARED, moving_scene, write_ffv1
 
 from itmo_video import Settings, UsageError, convert, make_settings, open_clip
-from itmo_video.tags import InputOptions
+from itmo_video.source.tags import InputOptions
 
 
 @pytest.mark.parametrize(
@@ -64,7 +64,7 @@ def test_mixed_telecine_is_told(tmp_path: Path) -> None:
     """MPEG-2 frames of which every third is coded interlaced, as telecined film is."""
     import av
 
-    from itmo_video.video import VideoClip
+    from itmo_video.source.video import VideoClip
 
     path = tmp_path / "film.mkv"
     with av.open(str(path), "w") as box:

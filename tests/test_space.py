@@ -6,7 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from itmo_video import RunOptions, conversion, convert, make_settings, space
+from itmo_video import RunOptions, convert, make_settings
+from itmo_video.conversion import checking
+from itmo_video.conversion import convert as conversion
+from itmo_video.output import disk_space
 from itmo_video.settings import COMPRESSIONS
 
 CLIP = Path(__file__).parents[1] / "sample_clips" / "night_street.mp4"
@@ -16,24 +19,25 @@ CLIP = Path(__file__).parents[1] / "sample_clips" / "night_street.mp4"
 def test_a_real_frame_takes_about_as_much(compression: str, tmp_path: Path) -> None:
     settings = make_settings("default", lights=64, compression=compression)
     summary = convert(CLIP, tmp_path, settings, RunOptions(frames="1-2"))
-    estimated = 2 * space.estimated_frame_bytes(480, 270, False, settings)
+    estimated = 2 * disk_space.estimated_frame_bytes(480, 270, False, settings)
     assert 0.6 * estimated <= summary.bytes_written <= 1.02 * estimated
 
 
 def test_layers_and_alpha_count() -> None:
     plain, layered = make_settings(), make_settings(layers=("gain", "expand_map"))
-    three, five = (space.estimated_frame_bytes(1000, 1000, False, s) for s in (plain, layered))
+    three, five = (disk_space.estimated_frame_bytes(1000, 1000, False, s) for s in (plain, layered))
     assert five / three == pytest.approx(5 / 3, rel=0.01)
-    assert space.estimated_frame_bytes(9, 9, True, plain) > space.estimated_frame_bytes(
+    assert disk_space.estimated_frame_bytes(9, 9, True, plain) > disk_space.estimated_frame_bytes(
         9, 9, False, plain
     )
 
 
 def test_a_warning_where_it_will_not_fit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(checking, "free_bytes", lambda path: 10_000_000)
     monkeypatch.setattr(conversion, "free_bytes", lambda path: 10_000_000)
     settings, run = make_settings(), RunOptions(frames="1-3")
-    assert "warning" not in conversion.describe_plan(CLIP, tmp_path, settings, run)
-    planned = conversion.describe_plan(CLIP, tmp_path, settings, RunOptions())
+    assert "warning" not in checking.describe_plan(CLIP, tmp_path, settings, run)
+    planned = checking.describe_plan(CLIP, tmp_path, settings, RunOptions())
     assert "warning: about 30 MB will be needed and 10 MB are free" in planned
 
     monkeypatch.setattr(conversion, "free_bytes", lambda path: 1_000_000)

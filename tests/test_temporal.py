@@ -10,7 +10,7 @@ import pytest
 from clips import write_ffv1
 
 from itmo_video import Settings, convert, make_settings
-from itmo_video.exr import read_exr
+from itmo_video.output.exr import read_exr
 
 Picture = npt.NDArray[np.float64]
 WIDTH, HEIGHT = 320, 180

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from itmo_video.upsampling import edge_aware_coefficients, upsample_rows
+from itmo_video.rendering.guided_upsampling import edge_aware_coefficients, upsample_rows
 
 pytestmark = pytest.mark.usefixtures("loops")
 

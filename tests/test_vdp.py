@@ -19,7 +19,7 @@ import pytest
 from clips import SHARED, moving_scene, write_ffv1
 
 from itmo_video import convert, make_settings
-from itmo_video.cli import main
+from itmo_video.cli.main import main
 from itmo_video.errors import UsageError
 from itmo_video.evaluation import fidelity, heat_film, vdp
 from itmo_video.evaluation.agreement import Display

@@ -11,12 +11,12 @@ import cv2
 import numpy as np
 
 from itmo_video import make_settings
-from itmo_video.exr import read_exr
-from itmo_video.key_map import make_key_map
+from itmo_video.colour.primaries import LUMINANCE_WEIGHTS_BANTERLE2006
+from itmo_video.expand_map.key_map import make_key_map
 from itmo_video.look import make_look
 from itmo_video.model import Encoding, Frame
-from itmo_video.operators import LUMINANCE_WEIGHTS
-from itmo_video.render import render
+from itmo_video.output.exr import read_exr
+from itmo_video.rendering.frame import render
 
 HERE = Path(__file__).resolve().parent
 IMAGES = HERE / "images"
@@ -48,7 +48,7 @@ def read_hdr(path: Path) -> Any:
 
 def luminance(rgb: Any) -> Any:
     """Eq. 1."""
-    return rgb @ np.array(LUMINANCE_WEIGHTS, np.float32)
+    return rgb @ np.array(LUMINANCE_WEIGHTS_BANTERLE2006, np.float32)
 
 
 def srgb_codes(rgb: Any) -> Any:

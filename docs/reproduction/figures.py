@@ -22,8 +22,8 @@ from common import (
     srgb_codes,
 )
 
-from itmo_video import expand_map
-from itmo_video.median_cut import Lights, median_cut
+from itmo_video.expand_map.density import density_map
+from itmo_video.expand_map.median_cut import Lights, median_cut
 
 LOW, HIGH = -10.0, 8.0
 RADIUS, LIGHTS = 16.0, 1024
@@ -122,7 +122,7 @@ def figure_6(codes: Any) -> None:
 
 
 def _density(lights: Lights, codes: Any, least: int) -> Any:
-    return expand_map.density_map(lights, codes.shape[:2], RADIUS, least)
+    return density_map(lights, codes.shape[:2], RADIUS, least)
 
 
 if __name__ == "__main__":

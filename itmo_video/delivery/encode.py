@@ -17,12 +17,12 @@ from typing import Any, Literal
 import av
 import numpy as np
 
-from itmo_video import colour
-from itmo_video.atomic import temp_path
+from itmo_video.colour import primaries
 from itmo_video.delivery import metadata
 from itmo_video.delivery.hdr import Chroma, Codes10, Light
 from itmo_video.errors import OutputError, UsageError
-from itmo_video.probe import TAG_ERRORS
+from itmo_video.output.atomic import temp_path
+from itmo_video.source.packets import TAG_ERRORS
 
 Codec = Literal["av1", "hevc", "prores"]
 Signal = Literal["pq", "hlg", "sdr"]
@@ -60,7 +60,7 @@ class FilmSpec:
     @property
     def mastering(self) -> metadata.Mastering:
         """A P3 display with the stated peak, on which HDR10 is mastered by custom."""
-        return metadata.Mastering(colour.CHROMATICITIES["p3d65"], self.peak_nits)
+        return metadata.Mastering(primaries.CHROMATICITIES["p3d65"], self.peak_nits)
 
 
 def default_chroma(codec: Codec) -> Chroma:

@@ -14,8 +14,9 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from itmo_video import colour
-from itmo_video.model import Float32, Float64, Half
+from itmo_video.colour.primaries import LUMINANCE_KR_KB, luminance_weights, rgb_to_rgb_matrix
+from itmo_video.colour.transfer import hlg_gamma, hlg_oetf, pq_code
+from itmo_video.model import Float32, Half
 
 Curve = Literal["pq", "hlg"]
 Chroma = Literal["420", "422"]
@@ -23,14 +24,6 @@ Codes10: TypeAlias = npt.NDArray[np.uint16]
 YCbCr: TypeAlias = tuple[Codes10, Codes10, Codes10]
 Planes: TypeAlias = tuple[Float32, Float32, Float32]
 
-# SMPTE ST 2084 / ITU-R BT.2100-2 table 4
-_M1, _M2 = 2610 / 16384, 2523 / 4096 * 128
-_C1, _C2, _C3 = 3424 / 4096, 2413 / 4096 * 32, 2392 / 4096 * 32
-PQ_PEAK_NITS = 10000.0
-# ITU-R BT.2100-2 table 5
-_HLG_A = 0.17883277
-_HLG_B = 1 - 4 * _HLG_A
-_HLG_C = 0.5 - _HLG_A * float(np.log(4 * _HLG_A))
 # cv2.pow is 20 times slower at 0
 _POWER_FLOOR = 1e-12
 _NOISE_TILE = 256
@@ -76,53 +69,13 @@ def to_nits_2020(
     `primaries` are names of colour.CHROMATICITIES; three float32 planes of the input's shape.
     """
     planes = [cv2.subtract(plane, 0.0, dtype=cv2.CV_32F) for plane in rgb]  # the quickest way
-    matrix = colour.rgb_to_rgb_matrix(primaries, "rec2020") * white_nits
+    matrix = rgb_to_rgb_matrix(primaries, "rec2020") * white_nits
     out = []
     for red, green, blue in matrix.tolist():
         mixed = cv2.addWeighted(planes[0], red, planes[1], green, 0)
         mixed = cv2.scaleAdd(planes[2], blue, mixed)
         out.append(_shaped(cv2.min(cv2.max(mixed, 0.0), peak_nits), planes[0].shape))
     return out[0], out[1], out[2]
-
-
-def pq_code(nits: Float64 | Float32) -> Float64:
-    """PQ's nonlinear value, 0 to 1, of light in nits, 0 to 10000 (ST 2084's inverse EOTF)."""
-    y = np.clip(np.asarray(nits, np.float64) / PQ_PEAK_NITS, 0, 1) ** _M1
-    return np.asarray(((_C1 + _C2 * y) / (1 + _C3 * y)) ** _M2, np.float64)
-
-
-def pq_nits(code: Float64 | Float32) -> Float64:
-    """Light in nits of PQ's nonlinear value, 0 to 1 (ST 2084's EOTF)."""
-    power = np.clip(np.asarray(code, np.float64), 0, 1) ** (1 / _M2)
-    return PQ_PEAK_NITS * (np.maximum(power - _C1, 0) / (_C2 - _C3 * power)) ** (1 / _M1)
-
-
-def hlg_gamma(peak_nits: float) -> float:
-    """System gamma of a display with this peak (BT.2100-2, table 5, notes 5e and 5f).
-
-    1.2 + 0.42 log10(peak / 1000) from 400 to 2000 nits, BT.2390's extended form outside.
-    """
-    if 400 <= peak_nits <= 2000:
-        return float(1.2 + 0.42 * np.log10(peak_nits / 1000))
-    return float(1.2 * 1.111 ** np.log2(peak_nits / 1000))
-
-
-def hlg_oetf(scene: Float64 | Float32) -> Float64:
-    """HLG's nonlinear value, 0 to 1, of scene light, 0 to 1 (BT.2100-2, table 5)."""
-    e = np.clip(np.asarray(scene, np.float64), 0, 1)
-    log = _HLG_A * np.log(np.maximum(12 * e - _HLG_B, 1e-9)) + _HLG_C
-    return np.asarray(np.where(e <= 1 / 12, np.sqrt(3 * e), log), np.float64)
-
-
-def hlg_nits(rgb_code: Float64, peak_nits: float) -> Float64:
-    """Light in nits of HLG R'G'B' (3, ...): inverse OETF, then OOTF of a display with this peak."""
-    x = np.clip(np.asarray(rgb_code, np.float64), 0, 1)
-    scene = np.where(x <= 0.5, x * x / 3, (np.exp((x - _HLG_C) / _HLG_A) + _HLG_B) / 12)
-    weights = np.array(colour.luminance_weights("rec2020"))
-    y = np.tensordot(weights, scene, 1)
-    return np.asarray(
-        peak_nits * scene * np.maximum(y, 1e-12) ** (hlg_gamma(peak_nits) - 1), np.float64
-    )
 
 
 def encode_nits(nits: Planes, curve: Curve, peak_nits: float) -> Planes:
@@ -150,7 +103,7 @@ def to_ycbcr10(
     rounding, by noise that depends on the frame's index and the place alone. A strip that begins at
     an even `first_row` gives the same rows as the whole frame. BT.2100-2, tables 6 and 9.
     """
-    kr, kb = colour.LUMINANCE_KR_KB[matrix]
+    kr, kb = LUMINANCE_KR_KB[matrix]
     red, green, blue = rgb_code
     chroma_row = first_row // 2 if chroma == "420" else first_row
     luma = cv2.scaleAdd(blue, kb, cv2.addWeighted(red, kr, green, 1 - kr - kb, 0))
@@ -209,7 +162,7 @@ def pad_even(planes: Sequence[Any], *, rows: bool = True) -> Any:
 
 def _hlg_scene(nits: Planes, peak_nits: float) -> Planes:
     """Scene light, 0 to 1, of display light: BT.2100's inverse OOTF, without black lift."""
-    r, g, b = colour.luminance_weights("rec2020")
+    r, g, b = luminance_weights("rec2020")
     y = cv2.scaleAdd(nits[2], b, cv2.addWeighted(nits[0], r, nits[1], g, 0))
     y = cv2.max(cv2.multiply(y, 1 / peak_nits), _POWER_FLOOR)
     gamma = hlg_gamma(peak_nits)

@@ -16,16 +16,18 @@ from typing import Any, Literal
 
 import numpy as np
 
-from itmo_video import colour
-from itmo_video.atomic import write_whole
-from itmo_video.conversion import Event
+from itmo_video.colour.primaries import CHROMATICITIES
+from itmo_video.conversion.convert import Event
+from itmo_video.conversion.plan import RunOptions
 from itmo_video.delivery import encode, hdr, sdr, stills
 from itmo_video.delivery.encode import Codec, FilmSpec, FilmWriter, YCbCr
+from itmo_video.delivery.from_clip import from_clip
+from itmo_video.delivery.from_folder import from_folder
 from itmo_video.delivery.hdr import Chroma, Light
 from itmo_video.delivery.metadata import Mastering
-from itmo_video.delivery.pictures import Picture, Pictures, from_clip, from_folder
+from itmo_video.delivery.pictures import Picture, Pictures
 from itmo_video.errors import DamagedInputError, UsageError
-from itmo_video.plan import RunOptions
+from itmo_video.output.atomic import write_whole
 from itmo_video.settings import Settings
 
 View = Literal["hdr10", "hlg", "sdr", "compare", "false-colour", "ladder"]
@@ -257,7 +259,7 @@ def _still(pictures: Pictures, output: Path, options: PreviewOptions) -> Light:
         if output.suffix.lower() == ".png":
             nits = hdr.to_nits_2020(rgb, primaries, white, pictures.peak_nits)
             code, light = hdr.encode_nits(nits, "pq", pictures.peak_nits), hdr.frame_light(nits)
-            mastering = Mastering(colour.CHROMATICITIES["p3d65"], pictures.peak_nits)
+            mastering = Mastering(CHROMATICITIES["p3d65"], pictures.peak_nits)
             return stills.png_pq(code, mastering, light), light
         planes, light = hdr.master_frame(
             rgb, primaries, white, pictures.peak_nits, "pq", "420", picture.index

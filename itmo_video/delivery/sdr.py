@@ -14,8 +14,8 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from itmo_video import colour, linear_light
-from itmo_video.delivery import hdr
+from itmo_video.colour import linear_light, transfer
+from itmo_video.colour.primaries import rgb_to_rgb_matrix
 from itmo_video.model import Float32, Frame, Half
 
 Picture = npt.NDArray[np.float32]
@@ -53,9 +53,9 @@ def aces(level: Float32, peak: float) -> Float32:
 def bt2390(level: Float32, peak: float) -> Float32:
     """ITU-R BT.2390-10's EETF, 5.4.1: a knee in PQ, linear below it; 203 nits to 1."""
     top, target = (
-        float(hdr.pq_code(np.array(nits))) for nits in (203.0 * max(peak, 1.0001), 203.0)
+        float(transfer.pq_code(np.array(nits))) for nits in (203.0 * max(peak, 1.0001), 203.0)
     )
-    e1 = hdr.pq_code(level * 203.0) / top
+    e1 = transfer.pq_code(level * 203.0) / top
     largest = target / top
     knee = 1.5 * largest - 0.5
     t = np.clip((e1 - knee) / max(1 - knee, 1e-9), 0, 1)
@@ -65,7 +65,7 @@ def bt2390(level: Float32, peak: float) -> Float32:
         + (-2 * t**3 + 3 * t**2) * largest
     )
     e2 = np.where(e1 < knee, e1, spline)
-    return np.asarray(hdr.pq_nits(e2 * top) / 203.0, np.float32)
+    return np.asarray(transfer.pq_nits(e2 * top) / 203.0, np.float32)
 
 
 def clip(level: Float32, peak: float) -> Float32:
@@ -86,7 +86,7 @@ def to_709(rgb: Sequence[Half | Float32], primaries: str) -> Picture:
     """Linear RGB planes in any primaries as one (H, W, 3) float32 picture in BT.709, 0 at least."""
     picture = np.dstack([np.asarray(plane, np.float32) for plane in rgb])
     if primaries != "rec709":
-        matrix = colour.rgb_to_rgb_matrix(primaries, "rec709")
+        matrix = rgb_to_rgb_matrix(primaries, "rec709")
         picture = np.asarray(cv2.transform(picture, matrix.astype(np.float32)), np.float32)
     return np.maximum(picture, np.float32(0))
 

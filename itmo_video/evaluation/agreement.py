@@ -13,7 +13,7 @@ from itmo_video.evaluation import fidelity
 from itmo_video.evaluation.fidelity import Fidelity, Zone
 from itmo_video.evaluation.folders import frame_rgb, open_sequence, open_source, pair, read_rgb
 from itmo_video.model import Float32, Float64, Frame
-from itmo_video.reader import frames_at
+from itmo_video.source.opening import frames_at
 
 TEST, SDR = "test", "SDR as it is"
 # Figures of a frame; True where more is better.

@@ -18,7 +18,7 @@ from itmo_video.evaluation.folders import (
 )
 from itmo_video.evaluation.vdp import Film, Pictures, on_display
 from itmo_video.model import Float32
-from itmo_video.reader import Clip, frames_at
+from itmo_video.source.opening import Clip, frames_at
 
 
 def films(test: Path, reference: Path, source: Path | None, display: Display) -> dict[str, Film]:

@@ -12,8 +12,8 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from itmo_video import warp
 from itmo_video.model import Code, Float32
+from itmo_video.motion.flow import flow_px, warp
 
 Mask = npt.NDArray[np.bool_]
 
@@ -39,7 +39,7 @@ def known_flow(shape_hw: tuple[int, int], dx_px: float, dy_px: float) -> tuple[F
 
 def estimated_flow(here: Code, before: Code) -> tuple[Float32, Mask]:
     """Flow of the later picture `here` into `before` (8-bit grey), and where both ways agree."""
-    flow, back = warp.flow_px(here, before), warp.flow_px(before, here)
+    flow, back = flow_px(here, before), flow_px(before, here)
     returned = cv2.remap(back, _grid(flow.shape[:2]) + flow, None, cv2.INTER_LINEAR)
     error = np.hypot(flow[..., 0] + returned[..., 0], flow[..., 1] + returned[..., 1])
     return flow, _inside(flow) & (error < CONSISTENT_PX)
@@ -49,7 +49,7 @@ def change_along(before: Float32, after: Float32, flow: Float32, valid: Mask) ->
     """Mean absolute change of a quantity along the flow, where it is valid; NaN where nowhere."""
     if not valid.any():
         return math.nan
-    difference = np.abs(after - warp.warp(before, flow))
+    difference = np.abs(after - warp(before, flow))
     return float(difference[valid].mean(dtype=np.float64))
 
 

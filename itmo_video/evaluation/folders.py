@@ -14,15 +14,15 @@ from typing import Any
 
 import numpy as np
 
-from itmo_video import colour, linear_light
+from itmo_video.colour import linear_light
+from itmo_video.colour.primaries import rgb_to_rgb_matrix
+from itmo_video.conversion.frame_ranges import format_ranges
 from itmo_video.errors import InputError
-from itmo_video.exr import ExrImage, read_exr
-from itmo_video.folder import OutputFolder, read_manifest
-from itmo_video.frame_ranges import format_ranges
 from itmo_video.model import Float32, Frame
-from itmo_video.plan import input_options
-from itmo_video.reader import Clip, open_clip
+from itmo_video.output.exr import ExrImage, read_exr
+from itmo_video.output.folder import OutputFolder, read_manifest
 from itmo_video.settings import Settings, settings_from
+from itmo_video.source.opening import Clip, input_options, open_clip
 
 PRIMARIES = "rec709"
 
@@ -149,5 +149,5 @@ def frame_rate(test: ExrSequence, clip: Clip | None) -> Fraction:
 def _to_bt709(rgb: Float32, primaries: str) -> Float32:
     if primaries == PRIMARIES:
         return rgb
-    matrix = colour.rgb_to_rgb_matrix(primaries, PRIMARIES)
+    matrix = rgb_to_rgb_matrix(primaries, PRIMARIES)
     return np.asarray(rgb @ matrix.T.astype(np.float32), np.float32)

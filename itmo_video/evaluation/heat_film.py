@@ -11,9 +11,9 @@ from typing import Any
 
 import numpy as np
 
-from itmo_video.atomic import temp_path
 from itmo_video.errors import OutputError, UsageError
 from itmo_video.model import Code
+from itmo_video.output.atomic import temp_path
 
 _CRF = "18"
 

@@ -13,8 +13,8 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from itmo_video.colour.primaries import LUMINANCE_WEIGHTS_BT709
 from itmo_video.errors import UsageError
-from itmo_video.evaluation.fidelity import LUMINANCE_WEIGHTS
 from itmo_video.model import Float32, Float64
 
 Floats: TypeAlias = npt.NDArray[np.floating[Any]]
@@ -100,7 +100,7 @@ def compare_lit(test: Floats, truth: Floats) -> Lighting:
     """
     if test.shape != truth.shape:
         raise ValueError(f"renders differ in size: {test.shape} and {truth.shape}")
-    a, b = (np.asarray(x, np.float64) @ np.array(LUMINANCE_WEIGHTS) for x in (test, truth))
+    a, b = (np.asarray(x, np.float64) @ np.array(LUMINANCE_WEIGHTS_BT709) for x in (test, truth))
     lit = np.logical_or(*_what_is_seen())
     x, y = a[lit], b[lit]
     exposure = float(x @ y) / max(float(x @ x), 1e-30)

@@ -15,18 +15,13 @@ import numpy as np
 
 from itmo_video.errors import InputError
 from itmo_video.evaluation import ibl
-from itmo_video.evaluation.folders import (
-    frame_rgb,
-    open_sequence,
-    open_source,
-    pair,
-    read_rgb,
-)
+from itmo_video.evaluation.folders import frame_rgb, open_sequence, open_source, pair, read_rgb
 from itmo_video.look import make_look
 from itmo_video.model import Float32, Frame
-from itmo_video.reader import frames_at
-from itmo_video.render import render
-from itmo_video.settings import Settings, make_settings
+from itmo_video.presets import make_settings
+from itmo_video.rendering.frame import render
+from itmo_video.settings import Settings
+from itmo_video.source.opening import frames_at
 
 TEST, SDR, NAIVE = "test", "LDR probe", "naive"
 SIZE = (512, 256)  # of the panoramas that light the scene, at most

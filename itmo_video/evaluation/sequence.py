@@ -11,10 +11,10 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from itmo_video.cuts import CUT_REACH, Analysed, analyse_frame, place
+from itmo_video.colour.analysis_picture import analysis_size
+from itmo_video.colour.primaries import LUMINANCE_WEIGHTS_BT709
 from itmo_video.errors import InputError, UsageError
 from itmo_video.evaluation import flicker
-from itmo_video.evaluation.fidelity import LUMINANCE_WEIGHTS
 from itmo_video.evaluation.folders import (
     ExrSequence,
     exr_rgb,
@@ -22,10 +22,10 @@ from itmo_video.evaluation.folders import (
     open_sequence,
     open_source,
 )
-from itmo_video.exr import read_exr
-from itmo_video.guide import analysis_size
 from itmo_video.model import Code, Float32
-from itmo_video.reader import Clip
+from itmo_video.motion.shots import CUT_REACH, Analysed, analyse_frame, place
+from itmo_video.output.exr import read_exr
+from itmo_video.source.opening import Clip
 
 Origins = Sequence[tuple[float, float]]
 METRICS = (
@@ -105,7 +105,7 @@ def read_origins(path: Path) -> Origins:
 
 def luminance(rgb: Float32) -> Float32:
     """Luminance of linear BT.709 RGB (H, W, 3), by the weights of measurements."""
-    return np.asarray(rgb @ np.array(LUMINANCE_WEIGHTS, np.float32), np.float32)
+    return np.asarray(rgb @ np.array(LUMINANCE_WEIGHTS_BT709, np.float32), np.float32)
 
 
 def _frames(sequence: ExrSequence, source: Path) -> Iterator[_Seen]:

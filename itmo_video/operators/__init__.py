@@ -6,7 +6,6 @@ ratio is what an operator returns: it stays finite where L_d is 0, and no divisi
 """
 
 from itmo_video.operators.base import (
-    LUMINANCE_WEIGHTS,
     Context,
     FrameStats,
     Operator,
@@ -24,7 +23,6 @@ from itmo_video.operators.registry import (
 )
 
 __all__ = [
-    "LUMINANCE_WEIGHTS",
     "OPERATORS",
     "Context",
     "FrameStats",

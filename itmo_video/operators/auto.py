@@ -18,7 +18,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from itmo_video import native
+from itmo_video.kernels import compiled, library
 from itmo_video.model import Float32
 from itmo_video.operators.base import Context, Floats, Operator
 
@@ -105,10 +105,10 @@ def gain_auto(channel: Float32, weight: Float32 | None, context: Context) -> Flo
 
     `channel` is R, G or B, linear light, more than 1 counting as 1; `weight` its map, 1 if None.
     """
-    if (loaded := native.library()) is not None:
+    if (loaded := library.library()) is not None:
         gate = OPEN_FROM, OPEN_CENTRE, OPEN_SLOPE / math.log(2), _OPEN_LOW
         stops = math.log2(context.l_max) / (_OPEN_WHITE - _OPEN_LOW)
-        return native.gain_auto(loaded, channel, weight, gate, stops)
+        return compiled.gain_auto(loaded, channel, weight, gate, stops)
     gain = np.ones(channel.shape, np.float32)
     bright = np.flatnonzero(channel > np.float32(OPEN_FROM))
     if not bright.size:

@@ -14,7 +14,6 @@ from itmo_video.model import Float32
 
 Floats: TypeAlias = npt.NDArray[np.floating[Any]]
 
-LUMINANCE_WEIGHTS = (0.213, 0.715, 0.072)  # eq. 1
 DELTA = 1e-3  # eq. 5; reproduces Table 1's Memorial to 1 %
 FLOOR = 1e-6  # luminance below which a gain is taken as that of FLOOR: no 0 / 0 at black
 OVER_CODE = 254 / 255  # Masia 2017 counts codes from 254 up as over-exposed

@@ -10,14 +10,15 @@ from itertools import pairwise
 import cv2
 import numpy as np
 
-from itmo_video import colour, linear_light
-from itmo_video.cuts import TINY_SIZE, Analysed, analyse_frame, place
+from itmo_video.colour import linear_light
+from itmo_video.colour.analysis_picture import analysis_size
+from itmo_video.colour.primaries import luminance_weights
 from itmo_video.delivery import hdr
 from itmo_video.delivery.hdr import Light
 from itmo_video.delivery.pictures import Picture
 from itmo_video.evaluation import flicker
-from itmo_video.guide import analysis_size
 from itmo_video.model import Code, Encoding, Float32, Float64, Frame
+from itmo_video.motion.shots import TINY_SIZE, Analysed, analyse_frame, place
 
 BINS_A_STOP = 2
 LOWEST_STOP = -14
@@ -76,7 +77,7 @@ class FilmFacts:
 
 def luminance_of(picture: Picture, primaries: str) -> Float32:
     """Relative luminance of a picture, SDR white = 1: float32 (H, W)."""
-    r, g, b = colour.luminance_weights(primaries)
+    r, g, b = luminance_weights(primaries)
     red, green, blue = (cv2.multiply(plane, 1.0, dtype=cv2.CV_32F) for plane in picture.rgb)
     total = cv2.scaleAdd(blue, b, cv2.addWeighted(red, r, green, g, 0))
     return np.asarray(total, np.float32).reshape(picture.rgb[0].shape)
@@ -164,7 +165,7 @@ def _gain(picture: Picture, luminance: Float32) -> Float32 | None:
     if picture.source is None:
         return None
     red, green, blue = linear_light.to_rgb_linear(picture.source, clip=True)
-    r, g, b = colour.luminance_weights(picture.source.encoding.primaries)
+    r, g, b = luminance_weights(picture.source.encoding.primaries)
     before = _small(np.asarray(red * r + green * g + blue * b, np.float32))
     return np.log2((_small(luminance) + np.float32(1e-3)) / (before + np.float32(1e-3)))
 

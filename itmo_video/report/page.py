@@ -12,19 +12,20 @@ from typing import Any
 import cv2
 import numpy as np
 
-from itmo_video import describe
-from itmo_video.atomic import write_whole
-from itmo_video.conversion import Event
+from itmo_video.conversion.convert import Event
+from itmo_video.conversion.frame_ranges import format_ranges
+from itmo_video.conversion.plan import RunOptions
 from itmo_video.delivery import sdr
-from itmo_video.delivery.pictures import Picture, Pictures, from_folder
+from itmo_video.delivery.from_folder import from_folder
+from itmo_video.delivery.pictures import Picture, Pictures
 from itmo_video.errors import DamagedInputError, UsageError
-from itmo_video.folder import Manifest, read_manifest
-from itmo_video.frame_ranges import format_ranges
-from itmo_video.plan import RunOptions, input_options
-from itmo_video.reader import open_clip
+from itmo_video.output.atomic import write_whole
+from itmo_video.output.folder import Manifest, read_manifest
 from itmo_video.report import embed, measure, plots
 from itmo_video.report.measure import FilmFacts, FrameFacts
 from itmo_video.settings import settings_from
+from itmo_video.source.facts import clip_facts
+from itmo_video.source.opening import input_options, open_clip
 
 MAX_FRAMES = 24
 MAX_WIDTH = 640
@@ -220,7 +221,7 @@ def _source_facts(clip: str | Path | None, settings: Any) -> list[tuple[str, str
     if clip is None:
         return [("source", "not given to this report")]
     with open_clip(clip, input_options(settings)) as opened:
-        told = describe.clip_facts(opened.info)
+        told = clip_facts(opened.info)
     rows: list[tuple[str, str]] = []
     for name, value in told.items():
         if name != "path":

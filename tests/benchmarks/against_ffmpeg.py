@@ -104,7 +104,7 @@ def run(command: list[str], out: Path, cores: int | None = None) -> Cost:
     return Cost(wall, usage.ru_utime + usage.ru_stime, usage.ru_maxrss / 1e3, written)
 
 
-TOOL = [sys.executable, "-m", "itmo_video.cli"]
+TOOL = [sys.executable, "-m", "itmo_video"]
 
 
 def ours(clip: Path, out: Path, *flags: str) -> list[str]:

@@ -62,7 +62,7 @@ def measure(clip: Path, frames: int, codec: Any, speed: str, out: Path) -> tuple
 
 def peak_mb(clip: Path, frames: int, codec: str, out: Path) -> float:
     """Peak resident memory of the command in a process of its own."""
-    command = [sys.executable, "-m", "itmo_video.cli", "preview", str(clip), str(out / "p.mp4")]
+    command = [sys.executable, "-m", "itmo_video", "preview", str(clip), str(out / "p.mp4")]
     flags = ["--frames", f"1-{frames}", "--codec", codec, "--quiet"]
     timed = ["/usr/bin/time", "-v", *command, *flags]
     done = subprocess.run(timed, check=True, stderr=subprocess.PIPE, text=True)

@@ -18,7 +18,7 @@ REPOSITORY = Path(__file__).resolve().parents[2]
 def cpu_s(clip: Path, out: Path, *flags: str) -> float:
     """Convert in a process of its own and return its CPU time in seconds."""
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
-    command = [sys.executable, "-m", "itmo_video.cli", "convert", str(clip), str(out), "--quiet"]
+    command = [sys.executable, "-m", "itmo_video", "convert", str(clip), str(out), "--quiet"]
     subprocess.run([*command, *flags], cwd=REPOSITORY, check=True)
     after = resource.getrusage(resource.RUSAGE_CHILDREN)
     return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime

@@ -20,17 +20,19 @@ from typing import Any
 
 from against_ffmpeg import make_clip
 
-from itmo_video import RunOptions, convert, guide, keyframes, make_settings, pipeline, warp
+from itmo_video import RunOptions, convert, make_settings
+from itmo_video.motion import flow, keyframes
+from itmo_video.rendering import guidance, spans
 
 PARTS: dict[str, tuple[tuple[Any, str], ...]] = {
-    "analysis picture": ((pipeline, "analyse_frame"),),
-    "key maps": ((pipeline, "make_key_map"),),
+    "analysis picture": ((spans, "analyse_frame"),),
+    "key maps": ((spans, "make_key_map"),),
     "smoothing over keys, with flow from key to key": (
         (keyframes, "smooth_map"),
-        (warp, "flow_px"),  # those within tracking count there
+        (flow, "flow_px"),  # those within tracking count there
     ),
-    "tracking, with flow to both keys": ((warp, "track_map"),),
-    "map brought up, noise guard": ((guide.Guidance, "__init__"), (guide.Guidance, "rows")),
+    "tracking, with flow to both keys": ((flow, "track_map"),),
+    "map brought up, noise guard": ((guidance.Guidance, "__init__"), (guidance.Guidance, "rows")),
 }
 
 

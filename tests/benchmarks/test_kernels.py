@@ -9,14 +9,15 @@ import cv2
 import numpy as np
 import pytest
 
-from itmo_video import warp
-from itmo_video.guide import Guidance, analysis_guide, grey_of
-from itmo_video.key_map import make_key_map
+from itmo_video.colour.analysis_picture import analysis_guide, grey_of
+from itmo_video.colour.luminance import frame_luminance
+from itmo_video.expand_map.key_map import make_key_map
 from itmo_video.look import make_look
-from itmo_video.luminance import frame_luminance
 from itmo_video.model import Encoding, Frame
-from itmo_video.render import render
-from itmo_video.settings import make_settings
+from itmo_video.motion import flow
+from itmo_video.presets import make_settings
+from itmo_video.rendering.frame import render
+from itmo_video.rendering.guidance import Guidance
 
 SIZES = {"540p": (960, 540), "1080p": (1920, 1080), "2160p": (3840, 2160)}
 
@@ -64,7 +65,7 @@ class TestKernels:
     def test_track(self, benchmark: Any, size: str, depth: int) -> None:
         grey = grey_of(analysis_guide(frame_of(size, depth), 512))
         side = (np.roll(grey, 3, axis=1), np.zeros(grey.shape, np.float32))
-        assert benchmark(warp.track_map, grey, side, side, 0.4).shape == grey.shape
+        assert benchmark(flow.track_map, grey, side, side, 0.4).shape == grey.shape
         record(benchmark, size)
 
     def test_guidance(self, benchmark: Any, size: str, depth: int) -> None:

@@ -21,8 +21,9 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from itmo_video import RunOptions, convert, make_settings, native
-from itmo_video.exr import read_exr
+from itmo_video import RunOptions, convert, make_settings
+from itmo_video.kernels import library
+from itmo_video.output.exr import read_exr
 
 HERE = Path(__file__).resolve().parent
 CLIPS = HERE.parents[1] / "sample_clips"
@@ -45,7 +46,7 @@ def environment() -> dict[str, str]:
     return {
         "machine": platform.machine(),
         "cpu": cv2.getCPUFeaturesLine(),
-        "loops": "compiled" if native.library() else "libraries",
+        "loops": "compiled" if library.library() else "libraries",
         **{n: version(n) for n in ("av", "numpy", "scipy", "opencv-contrib-python-headless")},
     }
 

@@ -16,8 +16,10 @@ import pytest
 from clips import moving_scene, write_ffv1
 from command import REPOSITORY, broken_frames, run, start, temp_files, wait_for_frames
 
-from itmo_video import RunOptions, analyse, chunks, cluster, conversion, convert, make_settings
-from itmo_video.conversion import Job, OnEvent, Summary
+from itmo_video import RunOptions, analyse, convert, make_settings
+from itmo_video.cluster import chunks, dask_executor
+from itmo_video.conversion import convert as conversion
+from itmo_video.conversion.convert import Job, OnEvent, Summary
 from itmo_video.errors import ClusterError, DamagedInputError, InputError, OutputError
 
 FLAGS = ("--lights", 64, "--radius", 64, "--compression", "zips")
@@ -129,7 +131,7 @@ def test_a_worker_that_sees_something_else_says_so(clip: Path, tmp_path: Path) -
 def test_without_the_extra_it_says_what_to_install(clip: Path, tmp_path: Path) -> None:
     code = (
         "import sys; sys.modules['distributed'] = None; "
-        "from itmo_video.cli import main; sys.exit(main(sys.argv[1:]))"
+        "from itmo_video.cli.main import main; sys.exit(main(sys.argv[1:]))"
     )
     arguments = ("convert", clip, tmp_path, "--scheduler", "local")
     done = run(*arguments, command=(sys.executable, "-c", code))
@@ -262,7 +264,7 @@ def test_a_lost_cluster_does_not_hang(
 ) -> None:
     address, processes = dask
     out = tmp_path / "out"
-    monkeypatch.setattr(cluster, "WAIT_S", 2)
+    monkeypatch.setattr(dask_executor, "WAIT_S", 2)
 
     def on_event(event: conversion.Event) -> None:
         if event["event"] == "frame":
@@ -270,15 +272,15 @@ def test_a_lost_cluster_does_not_hang(
                 process.kill()
 
     with pytest.raises(ClusterError, match=r"no workers|scheduler is gone") as caught:
-        convert(clip, out, SETTINGS, None, on_event, cluster.cluster_executor(address))
+        convert(clip, out, SETTINGS, None, on_event, dask_executor.cluster_executor(address))
     assert "same command again" in str(caught.value)
     assert broken_frames(out) == []
 
 
 @needs_dask
 def test_nobody_answers(clip: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(cluster, "WAIT_S", 0.5)
+    monkeypatch.setattr(dask_executor, "WAIT_S", 0.5)
     for address in ("tcp://127.0.0.1:9", "nonsense://"):
         with pytest.raises(ClusterError, match="no scheduler answers") as caught:
-            convert(clip, tmp_path, SETTINGS, executor=cluster.cluster_executor(address))
+            convert(clip, tmp_path, SETTINGS, executor=dask_executor.cluster_executor(address))
         assert "same command again" in str(caught.value)

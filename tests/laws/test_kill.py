@@ -130,7 +130,7 @@ def test_file_size_limit(clip: Path, whole: dict[str, bytes], tmp_path: Path) ->
     limit = max(sorted(in_order)[-10], *in_order[:3])
     assert limit < max(in_order)
     limited = (
-        "import resource, sys; from itmo_video.cli import main; "
+        "import resource, sys; from itmo_video.cli.main import main; "
         f"resource.setrlimit(resource.RLIMIT_FSIZE, ({limit},) * 2); "
         "sys.exit(main(sys.argv[1:]))"
     )

@@ -16,10 +16,10 @@ import pytest
 from clips import moving_scene, write_ffv1
 
 from itmo_video import make_settings
-from itmo_video.clip import Clip
 from itmo_video.look import make_look
 from itmo_video.model import Encoding, Frame
-from itmo_video.pipeline import frames_in_flight, render_frames
+from itmo_video.rendering.spans import frames_in_flight, render_frames
+from itmo_video.source.clip import Clip
 
 CODE = """
 import resource, sys

@@ -7,7 +7,8 @@ from pathlib import Path
 import pytest
 from clips import moving_scene, write_ffv1
 
-from itmo_video import RunOptions, conversion, convert, make_settings
+from itmo_video import RunOptions, convert, make_settings
+from itmo_video.conversion import checking
 from itmo_video.errors import CheckFailedError, OutputError
 
 SETTINGS = make_settings("paper", lights=16, radius=64)
@@ -29,16 +30,16 @@ def test_three_of_200(tmp_path: Path) -> None:
     frame(99).write_bytes(b"")
     frame(150).write_bytes((elsewhere / frame(150).name).read_bytes())
 
-    faults = conversion.verify(clip, out, SETTINGS, RUN)
+    faults = checking.verify(clip, out, SETTINGS, RUN)
     assert [path for path, _ in faults] == [frame(20), frame(99), frame(150)]
     with pytest.raises(CheckFailedError) as failed:
-        conversion.require_sound(faults)
+        checking.require_sound(faults)
     assert failed.value.exit_code == 7
     assert all(frame(n).name in str(failed.value) for n in (20, 99, 150))
 
     with pytest.raises(OutputError, match="frames 150 were made with other settings") as refused:
         convert(clip, out, SETTINGS)
     assert "--update" in str(refused.value)
-    assert [path for path, _ in conversion.verify(clip, out, SETTINGS, RUN)] == [frame(150)]
+    assert [path for path, _ in checking.verify(clip, out, SETTINGS, RUN)] == [frame(150)]
     assert convert(clip, out, SETTINGS, RunOptions(update=True)).written == 1
     assert {path.name: path.read_bytes() for path in out.iterdir()} == whole

@@ -103,7 +103,7 @@ def test_a_cut_shot_equals_the_shot_alone(tmp_path: Path) -> None:
     settings = small("default", layers=("expand_map",))
     convert(both, tmp_path / "both", settings)
     convert(alone, tmp_path / "alone", settings)
-    from itmo_video.exr import read_exr
+    from itmo_video.output.exr import read_exr
 
     for n in range(25):
         a = read_exr(tmp_path / "both" / f"both.{n + 26:04d}.exr").channels

@@ -19,8 +19,9 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from itmo_video import convert, make_settings, read_exr, warp
+from itmo_video import convert, make_settings, read_exr
 from itmo_video.evaluation import flicker, sequence
+from itmo_video.motion.flow import warp
 
 KINDS = {
     "P": ("paper", "per-frame"),
@@ -58,7 +59,7 @@ def along_motion(
         (xa, ya), (xb, yb) = origins[n - 1], origins[n]
         flow, valid = flicker.known_flow(found[n].shape[:2], xb - xa, yb - ya)
         steps.append(flicker.change_along(found[n - 1], found[n], flow, valid))
-        alike.append(np.corrcoef(warp.warp(found[n - 1], flow)[valid], found[n][valid])[0, 1])
+        alike.append(np.corrcoef(warp(found[n - 1], flow)[valid], found[n][valid])[0, 1])
     return float(np.mean(steps)), float(np.mean(alike))
 
 

@@ -20,9 +20,10 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from itmo_video import colour, read_exr
-from itmo_video.evaluation.fidelity import LUMINANCE_WEIGHTS
-from itmo_video.exr import ExrHeader, write_exr
+from itmo_video import read_exr
+from itmo_video.colour import primaries, transfer
+from itmo_video.colour.primaries import LUMINANCE_WEIGHTS_BT709
+from itmo_video.output.exr import ExrHeader, write_exr
 
 SUFFIXES = (".hdr", ".exr", ".pic")
 MAX_RADIANCE = 6e4  # what half float holds
@@ -76,7 +77,7 @@ def make_clip(picture: Path, folder: Path, spec: ClipSpec) -> KnownClip:
     scene = _read(picture)
     spec = _fitting(spec, scene)
     windows = [_window(scene, spec, *_origin(n, scene, spec)) for n in range(spec.frames)]
-    light = np.stack([w @ np.array(LUMINANCE_WEIGHTS, np.float32) for w in windows])
+    light = np.stack([w @ np.array(LUMINANCE_WEIGHTS_BT709, np.float32) for w in windows])
     white = max(float(np.percentile(light, spec.white_percentile)), 1e-6)
     truths = [np.minimum(w / np.float32(white), MAX_RADIANCE) for w in windows]
     for number, truth in enumerate(truths, 1):
@@ -138,7 +139,7 @@ def _window(scene: Picture, spec: ClipSpec, x: float, y: float) -> Picture:
 
 def _header(name: str) -> ExrHeader:
     return ExrHeader(
-        "zips", tuple(colour.CHROMATICITIES["rec709"]), 203.0, Fraction(24), Fraction(1),
+        "zips", tuple(primaries.CHROMATICITIES["rec709"]), 203.0, Fraction(24), Fraction(1),
         Fraction(0), name, "",
     )  # fmt: skip
 
@@ -155,7 +156,7 @@ def _film(path: Path, truths: list[Picture], spec: ClipSpec) -> None:
         for n, truth in enumerate(truths):
             # Photon noise grows with the root of the light; some remains in the dark.
             grain = np.sqrt(np.clip(truth, 0, 1) + 0.02) * rng.normal(0, spec.noise, truth.shape)
-            code = colour.inverse_eotf(np.clip(truth + grain, 0, 1), "srgb")
+            code = transfer.inverse_eotf(np.clip(truth + grain, 0, 1), "srgb")
             frame = av.VideoFrame.from_ndarray(np.rint(code * 255).astype(np.uint8), "rgb24")
             frame = frame.reformat(
                 format="yuv420p", dst_colorspace="ITU709", dst_color_range="MPEG"

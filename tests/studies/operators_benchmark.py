@@ -34,7 +34,7 @@ from itmo_video.evaluation.films import films
 from itmo_video.evaluation.folders import open_sequence, pair, read_rgb
 from itmo_video.evaluation.sequence import luminance
 from itmo_video.operators import all_operators
-from itmo_video.settings import preset_names
+from itmo_video.presets import preset_names
 
 BOOTSTRAPS = 10_000
 FIGURES = {"pq_psnr_db": "PQ-PSNR dB", "pu21_psnr_db": "PU21-PSNR dB", "jod": "JOD"}

@@ -1,0 +1,1 @@
+"""What is known of a clip before it is converted: cuts, statistics, suggestions, shots to edit."""

@@ -1,0 +1,187 @@
+"""One pass over a clip: its shots, keyframes, times and statistics, for `analyse`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from fractions import Fraction
+from pathlib import Path
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from itmo_video.analysis.model import Analysis, Bars, Shot, Statistics
+from itmo_video.analysis.suggestions import suggestions
+from itmo_video.colour import linear_light
+from itmo_video.colour.analysis_picture import analysis_size
+from itmo_video.colour.luminance import limited_luminance
+from itmo_video.errors import DamagedInputError, InputError
+from itmo_video.model import Frame
+from itmo_video.motion.shots import Analysed, analyse_frame, difference, place
+from itmo_video.settings import Settings
+from itmo_video.source.opening import Clip, input_options, open_clip
+
+_BINS = 1024  # of luminance to the power 1/2.4, so that they are about equally visible
+_GAMMA = 2.4
+_CLIPPED = 0.99  # of white: compression lets clipped areas waver
+_BAR = 0.06  # of white: bars waver, too
+
+
+class _Tally:
+    """Running sums over some frames, of a bounded size."""
+
+    def __init__(self) -> None:
+        self.histogram = np.zeros(_BINS, np.int64)
+        self.total = self.maximum = self.clipped = self.change = 0.0
+        self.frames = self.changes = 0
+
+    def add(self, other: _Tally) -> None:
+        self.histogram += other.histogram
+        self.total += other.total
+        self.maximum = max(self.maximum, other.maximum)
+        self.clipped += other.clipped
+        self.change += other.change
+        self.frames += other.frames
+        self.changes += other.changes
+
+    def statistics(self) -> Statistics:
+        levels = ((np.arange(_BINS) + 0.5) / _BINS) ** _GAMMA
+        so_far = np.cumsum(self.histogram) / max(1, self.histogram.sum())
+        shares = [levels[np.searchsorted(so_far, p)] for p in (0.01, 0.5, 0.95, 0.99)]
+        p1, p50, p95, p99 = (round(min(float(level), self.maximum), 6) for level in shares)
+        frames = max(1, self.frames)
+        return Statistics(
+            mean=round(self.total / frames, 6),
+            p1=p1, p50=p50, p95=p95, p99=p99,
+            maximum=round(self.maximum, 6),
+            clipped=round(self.clipped / frames, 6),
+            change=round(self.change / max(1, self.changes), 6),
+        )  # fmt: skip
+
+
+class _Edges:
+    """The brightest code of each row and column over all frames, 0 black to 1 white."""
+
+    def __init__(self) -> None:
+        self.rows: npt.NDArray[np.float64] | None = None
+        self.columns: npt.NDArray[np.float64] | None = None
+
+    def add(self, frame: Frame) -> None:
+        black, span = frame.encoding.black_and_span
+        planes = _luma_planes(frame)
+        rows = (np.max([p.max(axis=1) for p in planes], axis=0) - black) / span
+        columns = (np.max([p.max(axis=0) for p in planes], axis=0) - black) / span
+        self.rows = rows if self.rows is None else np.maximum(self.rows, rows)
+        self.columns = columns if self.columns is None else np.maximum(self.columns, columns)
+
+    def bars(self) -> Bars:
+        if self.rows is None or self.columns is None or self.rows.max() <= _BAR:
+            return Bars()  # black all over has no picture that bars could surround
+        y, x = np.flatnonzero(self.rows > _BAR), np.flatnonzero(self.columns > _BAR)
+        return Bars(
+            int(x[0]), int(self.columns.size - 1 - x[-1]),
+            int(y[0]), int(self.rows.size - 1 - y[-1]),
+        )  # fmt: skip
+
+
+def analyse(
+    source: str | Path,
+    settings: Settings | None = None,
+    *,
+    start_number: int = 1,
+    max_pixels: int = 2**27,
+    on_warning: Callable[[str], None] = lambda message: None,
+) -> Analysis:
+    """Decode a clip once and say what is in it; raises InputError and AlreadyHdrError as convert.
+
+    Cuts and keyframes are those that a conversion with `settings` finds by itself. A source that
+    breaks off is analysed until there, with a warning.
+    """
+    settings = settings or Settings()
+    with open_clip(source, input_options(settings, max_pixels)) as clip:
+        info = clip.info
+        for notice in info.notices:
+            on_warning(notice)
+        first = info.first_number if info.first_number is not None else start_number
+        tallies: dict[int, _Tally] = {}
+        times: list[Fraction] = []
+        edges = _Edges()
+        whole = _Tally()
+        shots: list[tuple[int, int, _Tally]] = []
+        keys: list[int] = []
+        frames = _looked_at(clip, settings, tallies, times, edges, on_warning)
+        for placed in place(frames, settings.key_reach, 0):
+            index = placed.analysed.index
+            tally = tallies.pop(index)
+            if placed.starts_shot:
+                tally.change, tally.changes = 0.0, 0  # a cut is no motion
+                shots.append((index, index, _Tally()))
+            shots[-1] = (shots[-1][0], index, shots[-1][2])
+            shots[-1][2].add(tally)
+            whole.add(tally)
+            if placed.is_key:
+                keys.append(first + index)
+        if not shots:
+            raise InputError("no frame of it can be decoded", where=str(source))
+    statistics = whole.statistics()
+    return Analysis(
+        source_name=Path(info.path).name,
+        digest=info.digest,
+        frames=info.frames,
+        first_number=first,
+        cuts=tuple(first + begin for begin, _, _ in shots[1:]),
+        keyframes=tuple(keys),
+        times_s=tuple(times),
+        statistics=statistics,
+        bars=edges.bars(),
+        suggestions=suggestions(info, statistics),
+        shots=tuple(
+            Shot(first + begin, first + end, statistics=tally.statistics())
+            for begin, end, tally in shots
+        ),
+    )
+
+
+def _looked_at(
+    clip: Clip,
+    settings: Settings,
+    tallies: dict[int, _Tally],
+    times: list[Fraction],
+    edges: _Edges,
+    on_warning: Callable[[str], None],
+) -> Iterator[Analysed]:
+    before: Analysed | None = None
+    try:
+        for frame in clip.frames():
+            analysed = analyse_frame(frame, settings.map_width)
+            tally = _tally(frame, settings.map_width)
+            if before is not None and before.index + 1 == frame.index:
+                tally.change, tally.changes = difference(before, analysed), 1
+            tallies[frame.index] = tally
+            times.append(frame.time_s)
+            edges.add(frame)
+            before = analysed
+            yield analysed
+    except DamagedInputError as error:
+        on_warning(str(error))
+
+
+def _tally(frame: Frame, map_width: int) -> _Tally:
+    tally = _Tally()
+    tally.frames = 1
+    size = analysis_size(*frame.size, map_width)
+    planes = tuple(cv2.resize(p, size, interpolation=cv2.INTER_AREA) for p in frame.planes)
+    small = replace(frame, planes=planes)
+    luminance = limited_luminance(linear_light.to_rgb_linear(small, clip=True))
+    bins = np.minimum(luminance ** (1 / _GAMMA) * _BINS, _BINS - 1).astype(np.int64)
+    tally.histogram = np.bincount(bins.ravel(), minlength=_BINS)
+    tally.total, tally.maximum = float(luminance.mean(dtype=np.float64)), float(luminance.max())
+    black, span = frame.encoding.black_and_span
+    masks = [p >= black + _CLIPPED * span for p in _luma_planes(frame)]
+    tally.clipped = float(np.count_nonzero(np.logical_or.reduce(masks)) / masks[0].size)
+    return tally
+
+
+def _luma_planes(frame: Frame) -> list[npt.NDArray[np.integer]]:
+    return list(frame.planes[: 3 if frame.encoding.family == "rgb" else 1])

@@ -1,0 +1,192 @@
+"""Reading an analysis back, with every entry checked: people edit these files by hand."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import fields
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+from itmo_video.analysis.model import (
+    FORMAT,
+    FORMAT_NAME,
+    Analysis,
+    Bars,
+    Shot,
+    Statistics,
+    Suggestion,
+)
+from itmo_video.errors import InputError
+from itmo_video.output.atomic import StrPath
+
+
+def read_analysis(path: StrPath) -> Analysis:
+    """Read the file `path`; raises InputError unless it is a whole and consistent analysis."""
+    try:
+        text = Path(path).read_text("utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        reason = getattr(error, "strerror", None) or "it is not text"
+        raise InputError(f"cannot be read: {reason}", where=str(path)) from error
+    return parse_analysis(text, where=str(path))
+
+
+def parse_analysis(text: str, *, where: str) -> Analysis:
+    """Read JSON text; raises InputError, naming `where` and the entry, for the unexpected."""
+    try:
+        return _analysis(json.loads(text), where)
+    except _WrongError as error:
+        raise _bad(str(error), where) from error
+    except (ValueError, RecursionError) as error:
+        raise _bad(f"it is not JSON: {error}", where) from error
+
+
+class _WrongError(Exception):
+    """What is wrong with the file's content."""
+
+
+def _bad(why: str, where: str) -> InputError:
+    return InputError(
+        f"not a valid analysis: {why}",
+        where=where,
+        remedy="Mend it, or make it again: itmo-video analyse INPUT --output FILE.json",
+    )
+
+
+def _analysis(data: Any, where: str) -> Analysis:
+    if not isinstance(data, dict) or FORMAT_NAME not in data:
+        raise _WrongError(f"it has no {FORMAT_NAME!r}")
+    if (number := data.pop(FORMAT_NAME)) != FORMAT or isinstance(number, bool):
+        raise _WrongError(f"its format is {number}, this version reads {FORMAT}")
+    names = [f.name for f in fields(Analysis) if f.name != "where"]
+    _check_names(data, names, names, "the file")
+    first, frames = _whole(data, "first_number"), _whole(data, "frames")
+    last = first + frames - 1
+    shots = [_shot(entry, i) for i, entry in enumerate(_list(data, "shots"))]
+    _check_order(shots, first, last)
+    return Analysis(
+        source_name=_text(data, "source_name"),
+        digest=_text(data, "digest"),
+        frames=frames,
+        first_number=first,
+        cuts=_numbers(data, "cuts", first, last),
+        keyframes=_numbers(data, "keyframes", first, last),
+        times_s=tuple(_time(value) for value in _list(data, "times_s")),
+        statistics=_statistics(data["statistics"], "statistics"),
+        bars=_bars(data["bars"]),
+        suggestions=tuple(_suggestion(entry) for entry in _list(data, "suggestions")),
+        shots=tuple(shots),
+        where=where,
+    )
+
+
+def _shot(entry: Any, position: int) -> Shot:
+    place = f"shots[{position}]"
+    _check_names(entry, [f.name for f in fields(Shot)], ["first", "last"], place)
+    place = f"shot {entry['first']}-{entry['last']}"
+    statistics = entry.get("statistics")
+    shot = Shot(
+        first=_whole(entry, "first", place),
+        last=_whole(entry, "last", place),
+        peak_nits=_optional_real(entry, "peak_nits", place),
+        l_max=_optional_real(entry, "l_max", place),
+        strength=_real(entry.get("strength", 1.0), f"{place}: strength"),
+        enabled=entry.get("enabled", True),
+        statistics=None if statistics is None else _statistics(statistics, place),
+    )
+    if not isinstance(shot.enabled, bool):
+        raise _WrongError(f"{place}: enabled must be true or false, not {shot.enabled!r}")
+    if not 0 <= shot.strength <= 1:
+        raise _WrongError(f"{place}: strength must be from 0 to 1, not {shot.strength:g}")
+    if shot.peak_nits is not None and shot.l_max is not None:
+        raise _WrongError(f"{place}: peak_nits and l_max exclude each other")
+    return shot
+
+
+def _check_order(shots: Sequence[Shot], first: int, last: int) -> None:
+    before = first - 1
+    for shot in shots:
+        place = f"shot {shot.first}-{shot.last}"
+        if shot.last < shot.first:
+            raise _WrongError(f"{place} ends before it begins")
+        if shot.first <= before:
+            raise _WrongError(f"{place} overlaps the one before it, or lies before frame {first}")
+        if shot.last > last:
+            raise _WrongError(f"{place} goes beyond the last frame, {last}")
+        before = shot.last
+
+
+def _check_names(data: Any, known: Sequence[str], needed: Sequence[str], place: str) -> None:
+    if not isinstance(data, dict):
+        raise _WrongError(f"{place} is not a table")
+    if unknown := sorted(set(data) - set(known)):
+        raise _WrongError(f"{place}: unknown {', '.join(unknown)}; known are {', '.join(known)}")
+    if missing := [name for name in needed if name not in data]:
+        raise _WrongError(f"{place}: {', '.join(missing)} is missing")
+
+
+def _whole(data: Mapping[str, Any], name: str, place: str = "the file") -> int:
+    value = data[name]
+    if not isinstance(value, int) or isinstance(value, bool) or value < 0:
+        raise _WrongError(f"{place}: {name} must be a whole number from 0 up, not {value!r}")
+    return value
+
+
+def _real(value: Any, place: str) -> float:
+    if not isinstance(value, int | float) or isinstance(value, bool) or not abs(value) < 1e300:
+        raise _WrongError(f"{place} must be a number, not {value!r}")
+    return float(value)
+
+
+def _optional_real(data: Mapping[str, Any], name: str, place: str) -> float | None:
+    value = data.get(name)
+    return None if value is None else _real(value, f"{place}: {name}")
+
+
+def _text(data: Mapping[str, Any], name: str) -> str:
+    if not isinstance(data[name], str):
+        raise _WrongError(f"{name} must be text")
+    return str(data[name])
+
+
+def _list(data: Mapping[str, Any], name: str) -> list[Any]:
+    value = data[name]
+    if not isinstance(value, list):
+        raise _WrongError(f"{name} must be a list")
+    return value
+
+
+def _numbers(data: Mapping[str, Any], name: str, first: int, last: int) -> tuple[int, ...]:
+    values = _list(data, name)
+    for value in values:
+        if not isinstance(value, int) or isinstance(value, bool) or not first <= value <= last:
+            raise _WrongError(f"{name}: {value!r} is no frame from {first} to {last}")
+    return tuple(values)
+
+
+def _time(value: Any) -> Fraction:
+    try:
+        return Fraction(str(value))
+    except (ValueError, ZeroDivisionError):
+        raise _WrongError(f"times_s: {value!r} is no time") from None
+
+
+def _statistics(data: Any, place: str) -> Statistics:
+    names = [f.name for f in fields(Statistics)]
+    _check_names(data, names, names, f"{place}: statistics")
+    return Statistics(**{name: _real(data[name], f"{place}: {name}") for name in names})
+
+
+def _bars(data: Any) -> Bars:
+    names = [f.name for f in fields(Bars)]
+    _check_names(data, names, names, "bars")
+    return Bars(**{name: _whole(data, name, "bars") for name in names})
+
+
+def _suggestion(data: Any) -> Suggestion:
+    names = [f.name for f in fields(Suggestion)]
+    _check_names(data, names, names, "suggestions")
+    if not isinstance(data["value"], int | float | str | bool):
+        raise _WrongError("suggestions: a value must be a number, a word, true or false")
+    return Suggestion(_text(data, "setting"), data["value"], _text(data, "reason"))

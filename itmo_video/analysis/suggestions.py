@@ -1,0 +1,92 @@
+"""Settings that suit a clip, by simple rules of thumb, each with its reason.
+
+They are only told, never applied. Those for the Expand Map are for the preset `highlights`, with
+which they were measured (docs/quality.md); the numbers of the others are rules of thumb.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from itmo_video.analysis.model import Statistics, Suggestion
+from itmo_video.model import ClipInfo
+
+FEW_CLIPPED = 0.0005
+MANY_CLIPPED = 0.06
+DARK, BRIGHT = 0.1, 0.3  # of white: the middle tone of ordinary pictures lies between
+VERY_DARK = 0.05
+FAST_CHANGE = 0.02  # mean difference of neighbouring frames, 0 to 1
+SLOW_CHANGE = 0.002
+FEW_BITS = 0.06  # a pixel
+
+
+def suggestions(info: ClipInfo, statistics: Statistics) -> tuple[Suggestion, ...]:
+    """Suggest what a clip's facts and statistics speak for; empty where the defaults suit."""
+    found = [
+        _peak(statistics),
+        *_map(statistics),
+        _l_white(statistics),
+        _keys(statistics),
+        _noise(info),
+        _projection(info),
+    ]
+    return tuple(suggestion for suggestion in found if suggestion is not None)
+
+
+def _peak(statistics: Statistics) -> Suggestion | None:
+    if statistics.p50 >= VERY_DARK:
+        return None
+    reason = f"half of the picture is below {statistics.p50:.1%} of white"
+    return Suggestion("peak_nits", 600.0, f"{reason}: lit areas are overshot at a high peak")
+
+
+def _map(statistics: Statistics) -> tuple[Suggestion, ...]:
+    share = f"for --preset highlights: {statistics.clipped:.2%} of the pixels are clipped"
+    if statistics.clipped < FEW_CLIPPED:
+        reason = f"{share}: nothing large is there to be overshot, so the paper's map suits"
+        return Suggestion("radius", 16.0, reason), Suggestion("min_lights", 4, reason)
+    if statistics.clipped > MANY_CLIPPED:
+        reason = f"{share}: only where lights stand still more densely are they lamps"
+        return (Suggestion("min_lights", 4, reason),)
+    if statistics.p50 > DARK:
+        reason = (
+            f"for --preset highlights: half of the picture is above {statistics.p50:.0%} of white, "
+            "highlights are large"
+        )
+        return (Suggestion("radius", 8.0, reason),)
+    return ()
+
+
+def _l_white(statistics: Statistics) -> Suggestion | None:
+    if not DARK < statistics.p50 <= BRIGHT:
+        return None
+    reason = f"the middle tone is {statistics.p50:.0%} of white: it keeps its level beside lamps"
+    return Suggestion("l_white", 12.0, reason)
+
+
+def _keys(statistics: Statistics) -> Suggestion | None:
+    told = f"frames differ by {statistics.change:.2%} on average"
+    if statistics.change > FAST_CHANGE:
+        return Suggestion("key_interval", 3, f"{told}: fast motion is hard to track for long")
+    if statistics.change < SLOW_CHANGE:
+        return Suggestion("key_interval", 10, f"{told}: slow motion needs fewer maps")
+    return None
+
+
+def _noise(info: ClipInfo) -> Suggestion | None:
+    try:
+        size = Path(info.path).stat().st_size
+    except OSError:
+        return None
+    bits = 8 * size / max(1, info.frames * info.width * info.height)
+    if bits >= FEW_BITS:
+        return None
+    reason = f"{bits:.3f} bits a pixel: expansion would show blocks and banding"
+    return Suggestion("noise_guard", True, reason)
+
+
+def _projection(info: ClipInfo) -> Suggestion | None:
+    width, height = info.display_size
+    if width != 2 * height or width < 2048:
+        return None
+    return Suggestion("projection", "latlong", "twice as wide as high: if it is a panorama")

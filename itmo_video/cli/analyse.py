@@ -1,0 +1,103 @@
+"""`analyse` at the terminal: the JSON to a file or standard output, the findings in words."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+from typing import TYPE_CHECKING, Any
+
+from itmo_video.cli.run_flags import positive, start_number
+from itmo_video.cli.settings_flags import add_settings, settings_of
+from itmo_video.errors import OutputError
+from itmo_video.settings import Settings
+
+if TYPE_CHECKING:
+    from itmo_video.analysis.model import Analysis
+
+
+def add_analyse(commands: Any) -> None:
+    """Add the subcommand."""
+    analyse = commands.add_parser(
+        "analyse",
+        help="cuts, keyframes, statistics, suggested settings and a list of shots to edit",
+        description="Look through a clip once. In the JSON that is written, each shot's peak_nits "
+        "or l_max, strength (0 to 1) and enabled may be edited; convert --analysis reads it.",
+    )
+    analyse.add_argument("input", metavar="INPUT", help="a clip")
+    analyse.add_argument(
+        "--output", metavar="FILE.json", help="where the JSON goes (default: standard output)"
+    )
+    analyse.add_argument(
+        "--start-number", type=int, default=1, metavar="N", help="of the first frame (1)"
+    )
+    analyse.add_argument("--max-pixels", type=positive, default=2**27, metavar="N")
+    analyse.add_argument("--overwrite", action="store_true", help="replace FILE.json")
+    analyse.add_argument("--quiet", action="store_true", help="no notices")
+    add_settings(analyse)
+    analyse.set_defaults(run=_analyse)
+
+
+def _analyse(args: argparse.Namespace) -> int:
+    analyse_to(
+        args.input, args.output, settings_of(args), start_number(args), args.max_pixels,
+        overwrite=args.overwrite, quiet=args.quiet,
+    )  # fmt: skip
+    return 0
+
+
+def analyse_to(
+    source: str,
+    output: str | None,
+    settings: Settings,
+    start_number: int,
+    max_pixels: int,
+    *,
+    overwrite: bool,
+    quiet: bool,
+) -> None:
+    """Analyse `source` and write the JSON to `output`, None for standard output.
+
+    Raises OutputError where a file is there already (shots edited by hand are dear), unless
+    `overwrite` is given.
+    """
+    from itmo_video.analysis.analyse import analyse
+    from itmo_video.output.atomic import write_whole
+
+    if output is not None and not overwrite and os.path.lexists(output):
+        raise OutputError(
+            "is there already, perhaps with shots edited by hand",
+            where=output,
+            remedy="Choose another name, or --overwrite.",
+        )
+
+    def on_warning(message: str) -> None:
+        if not quiet:
+            print(f"itmo-video: {message}", file=sys.stderr)
+
+    analysis = analyse(
+        source, settings, start_number=start_number, max_pixels=max_pixels, on_warning=on_warning
+    )
+    if output is None:
+        print(analysis.to_json(), end="")
+        return
+    write_whole(output, analysis.to_json().encode())
+    print(in_words(analysis))
+
+
+def in_words(analysis: Analysis) -> str:
+    """The findings in a few lines."""
+    statistics, bars = analysis.statistics, analysis.bars
+    lines = [
+        f"{analysis.frames} frames, {len(analysis.shots)} shots, "
+        f"{len(analysis.keyframes)} keyframes",
+        f"luminance: mean {statistics.mean:.3f}, median {statistics.p50:.3f}, "
+        f"99 % {statistics.p99:.3f}; {statistics.clipped:.2%} clipped",
+    ]
+    if any((bars.left, bars.right, bars.top, bars.bottom)):
+        lines.append(
+            f"black bars: left {bars.left}, right {bars.right}, top {bars.top}, "
+            f"bottom {bars.bottom} pixels"
+        )
+    lines += [f"suggested: {s.setting} = {s.value} ({s.reason})" for s in analysis.suggestions]
+    return "\n".join(lines)

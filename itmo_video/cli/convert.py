@@ -1,0 +1,110 @@
+"""`convert`: a clip, still or image sequence to a folder of EXR files."""
+
+from __future__ import annotations
+
+import argparse
+import os
+from typing import TYPE_CHECKING, Any
+
+from itmo_video.cli.outcome import reported
+from itmo_video.cli.run_flags import add_run_options, start_number
+from itmo_video.cli.settings_flags import add_settings, settings_of
+from itmo_video.errors import ItmoError, UsageError
+from itmo_video.settings import Settings
+
+if TYPE_CHECKING:
+    from itmo_video.conversion.plan import RunOptions
+
+EXAMPLES = """\
+examples:
+  itmo-video convert clip.mp4 out/
+  itmo-video convert clip.mp4 out/ --peak-nits 4000 --compression piz --layers expand_map
+  itmo-video convert clip.mp4 out/ --frames 100-200 --preset paper --temporal per-frame
+"""
+
+
+def add_convert(commands: Any) -> None:
+    """Add the subcommand."""
+    convert = commands.add_parser(
+        "convert",
+        help="SDR clip -> EXR sequence OUTPUT_DIR/<stem>.%%04d.exr",
+        description="Convert an SDR clip to an EXR sequence; 1.0 in it is SDR white. "
+        "The same command again makes what is missing.",
+        epilog=EXAMPLES,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    convert.add_argument(
+        "inputs",
+        metavar="INPUT",
+        nargs="+",
+        help="a clip, a still, or an image sequence (img.%%04d.png); of several inputs, each "
+        "goes to its own folder OUTPUT_DIR/<stem>",
+    )
+    convert.add_argument("output", metavar="OUTPUT_DIR", help="the folder that the frames go to")
+    add_settings(convert)
+    add_run_options(convert)
+    convert.add_argument(
+        "--report", action="store_true", help="also write OUTPUT_DIR/report.html about it"
+    )
+    convert.set_defaults(run=_convert)
+
+
+def _convert(args: argparse.Namespace) -> int:
+    from itmo_video.analysis.reading import read_analysis
+    from itmo_video.conversion.plan import RunOptions
+
+    settings = settings_of(args)
+    run = RunOptions(
+        args.frames, start_number(args), args.jobs, args.overwrite, args.update, args.durable,
+        args.null, args.max_pixels, read_analysis(args.analysis) if args.analysis else None,
+    )  # fmt: skip
+    code = 0
+    for source, output in _outputs(args.inputs, args.output):
+        try:
+            _convert_one(args, source, output, settings, run)
+        except ItmoError as error:
+            if len(args.inputs) == 1:
+                raise
+            # One bad input of many must not keep the others from being made.
+            code = max(code, reported(error))
+    return code
+
+
+def _outputs(inputs: list[str], output: str) -> list[tuple[str, str]]:
+    if len(inputs) == 1:
+        return [(inputs[0], output)]
+    stems = [os.path.splitext(os.path.basename(source))[0] for source in inputs]
+    if twice := sorted({stem for stem in stems if stems.count(stem) > 1}):
+        raise UsageError(
+            f"several inputs are called {', '.join(twice)}", remedy="Convert them one by one."
+        )
+    return [(s, os.path.join(output, stem)) for s, stem in zip(inputs, stems, strict=True)]
+
+
+def _convert_one(
+    args: argparse.Namespace, source: str, output: str, settings: Settings, run: RunOptions
+) -> None:
+    from itmo_video.cli.progress import Progress
+    from itmo_video.conversion import checking
+    from itmo_video.conversion.convert import convert
+
+    if args.verify:
+        checking.require_sound(checking.verify(source, output, settings, run))
+        print(f"{output}: all frames are there and whole")
+        return
+    if args.dry_run:
+        print(checking.describe_plan(source, output, settings, run))
+        return
+    if args.report and args.null:
+        raise UsageError("a report needs the frames", remedy="Leave --null or --report out.")
+    executor = None
+    if args.scheduler is not None:
+        from itmo_video.cluster.dask_executor import cluster_executor
+
+        executor = cluster_executor(args.scheduler)
+    progress = Progress(as_json=args.json, quiet=args.quiet)
+    convert(source, output, settings, run, progress.on_event, executor)
+    if args.report:
+        from itmo_video.report.page import write_report
+
+        write_report(output, clip=source)

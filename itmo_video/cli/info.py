@@ -1,0 +1,68 @@
+"""`info`, `presets` and `operators`: what there is, printed."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from collections.abc import Mapping
+from typing import Any
+
+from itmo_video.presets import load_preset, preset_names, read_preset
+from itmo_video.settings import flag_name
+
+
+def add_info(commands: Any) -> None:
+    """Add the three subcommands."""
+    info = commands.add_parser("info", help="what a clip says of itself and what will be assumed")
+    info.add_argument("input", metavar="INPUT")
+    info.add_argument("--json", action="store_true", help="as JSON")
+    info.set_defaults(run=_info)
+
+    presets = commands.add_parser("presets", help="the presets and what they set")
+    presets.set_defaults(run=_presets)
+    operators = commands.add_parser("operators", help="the operators, their parameters, sources")
+    operators.set_defaults(run=_operators)
+
+
+def _info(args: argparse.Namespace) -> int:
+    from itmo_video.source import facts
+    from itmo_video.source.opening import open_clip
+    from itmo_video.source.tags import InputOptions
+
+    # info only tells: what convert would refuse as HDR is told, not refused.
+    with open_clip(args.input, InputOptions(force_sdr=True)) as clip:
+        told = facts.clip_facts(clip.info)
+    if args.json:
+        print(json.dumps(told, indent=1))
+    else:
+        print(as_table(told))
+    return 0
+
+
+def _presets(args: argparse.Namespace) -> int:
+    for name in preset_names():
+        content = read_preset(name)
+        print(f"{name}: {content.get('description', '')}")
+        for key, value in load_preset(name).items():
+            print(f"    {flag_name(key)} = {json.dumps(value)}")
+    return 0
+
+
+def _operators(args: argparse.Namespace) -> int:
+    from itmo_video.operators import all_operators
+
+    for operator in all_operators().values():
+        print(f"{operator.name}: {operator.summary}\n    {operator.source}")
+        for name, p in operator.parameters.items():
+            print(f"    {name} = {p.default:g} ({p.lower:g} to {p.upper:g}): {p.help}")
+    return 0
+
+
+def as_table(facts: Mapping[str, Any]) -> str:
+    """The facts as aligned lines."""
+    lines = []
+    for name, value in facts.items():
+        if isinstance(value, dict):
+            value = f"{value['value']} ({value['from']})"
+        lines.append(f"{name.replace('_', ' '):20} {'-' if value is None else value}")
+    return "\n".join(lines)

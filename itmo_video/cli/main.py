@@ -1,0 +1,96 @@
+"""The command line: flags from the settings' own definitions, exit codes from the errors."""
+
+from __future__ import annotations
+
+import argparse
+import gc
+import os
+import signal
+import sys
+from collections.abc import Sequence
+from types import FrameType
+from typing import Any, NoReturn
+
+from itmo_video.cli.analyse import add_analyse
+from itmo_video.cli.convert import add_convert
+from itmo_video.cli.evaluate import add_evaluate
+from itmo_video.cli.info import add_info
+from itmo_video.cli.outcome import debug, interrupted, reported
+from itmo_video.cli.preview import add_preview
+from itmo_video.cli.report import add_report
+from itmo_video.errors import ItmoError, UsageError
+
+
+class _Parser(argparse.ArgumentParser):
+    def error(self, message: str) -> NoReturn:
+        raise UsageError(message, remedy=f"See `{self.prog} --help`.")
+
+
+class _Terminated(BaseException):
+    """SIGTERM came."""
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the command line; returns the exit code (cli.md)."""
+    signal.signal(signal.SIGTERM, _on_sigterm)
+    try:
+        args = _parser().parse_args(argv)
+        return int(args.run(args) or 0)
+    except ItmoError as error:
+        return reported(error)
+    except KeyboardInterrupt:
+        return interrupted(130)
+    except _Terminated:
+        return interrupted(143)
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 1
+    except Exception as error:
+        debug()
+        print(
+            f"itmo-video: unexpected: {type(error).__name__}: {error}\n"
+            "Please report it; ITMO_VIDEO_DEBUG=1 shows where.",
+            file=sys.stderr,
+        )
+        return 1
+
+
+def run() -> NoReturn:
+    """Run the command line as a process of its own, which ends with it."""
+    # NumPy's algebra here is of 3 by 3; its idle threads take a core while others start to work.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    code = main()
+    gc.freeze()  # else the interpreter looks three times through all that ends now, for 40 ms
+    sys.exit(code)
+
+
+def _on_sigterm(signum: int, frame: FrameType | None) -> None:
+    raise _Terminated
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = _Parser(prog="itmo-video", description="Turn SDR video into HDR.")
+    parser.add_argument("--version", action="store_true", help="print the version")
+    parser.set_defaults(run=_no_command(parser))
+    commands = parser.add_subparsers(metavar="COMMAND", parser_class=_Parser)
+
+    add_convert(commands)
+    add_preview(commands)
+    add_evaluate(commands)
+    add_report(commands)
+    add_analyse(commands)
+    add_info(commands)
+    return parser
+
+
+def _no_command(parser: argparse.ArgumentParser) -> Any:
+    def run(args: argparse.Namespace) -> int:
+        if args.version:
+            from importlib.metadata import version
+
+            print(f"itmo-video {version('itmo_video')}")
+            return 0
+        parser.print_help()
+        return 0
+
+    return run

@@ -1,0 +1,1 @@
+"""Conversion on a Dask cluster."""

@@ -1,0 +1,161 @@
+"""A job cut into chunks of frames, and one chunk rendered: what a worker of a cluster is given."""
+
+from __future__ import annotations
+
+import functools
+import os
+import signal
+import socket
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+
+from itmo_video.conversion.convert import Job, Summary, frames_to_make, render_job
+from itmo_video.conversion.frame_ranges import format_ranges
+from itmo_video.conversion.plan import ALGORITHM, RunOptions, make_plan
+from itmo_video.errors import ClusterError, DamagedInputError, InputError, ItmoError, OutputError
+from itmo_video.look import make_look
+from itmo_video.output.folder import OutputFolder, read_manifest
+from itmo_video.settings import Settings
+from itmo_video.source.opening import Clip, input_options, open_clip
+from itmo_video.source.tags import InputOptions
+
+SHORTEST, LONGEST = 20, 100  # frames; each chunk pays for the frames that lead in
+
+
+@dataclass(frozen=True)
+class Chunk:
+    """Frames for one worker, with all that it needs to make them; small, since it travels."""
+
+    source: str
+    digest: str
+    output: str
+    settings: Settings
+    run: RunOptions
+    numbers: tuple[int, ...]
+    algorithm: int = ALGORITHM
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What became of a chunk: numbers made (or found whole), damaged, not decodable; bytes."""
+
+    made: tuple[int, ...]
+    damaged: tuple[int, ...]
+    missing: tuple[int, ...]
+    bytes_written: int
+    ended: tuple[DamagedInputError, ...]
+
+
+def chunk_length(frames: int, workers: int, key_interval: int) -> int:
+    """Frames in a chunk, whole key intervals: about four chunks a worker, within bounds."""
+    length = max(SHORTEST, min(LONGEST, -(-frames // (4 * max(1, workers)))))
+    return -(-length // key_interval) * key_interval
+
+
+def cut_into_chunks(job: Job, workers: int) -> Iterator[Chunk]:
+    """The job's frames in order, cut on the absolute grid of keys."""
+    plan = job.plan
+    length = chunk_length(len(job.todo), workers, plan.settings.key_reach)
+    by_index = sorted((index, number) for number, index in job.todo.items())
+    groups: dict[int, list[int]] = {}
+    for index, number in by_index:
+        groups.setdefault(index // length, []).append(number)
+    for numbers in groups.values():
+        yield Chunk(
+            source=plan.clip.path,
+            digest=plan.clip.digest,
+            output=os.path.abspath(job.folder.path),
+            settings=plan.settings,
+            run=_run_of(job.run, numbers, plan.first_number),
+            numbers=tuple(numbers),
+        )
+
+
+def make_chunk(chunk: Chunk) -> Outcome:
+    """Render a chunk's frames here and write them; those that are there already stay.
+
+    Raises ClusterError where this worker's version makes other pixels, InputError or OutputError
+    where it does not see the same source and folder as the one who sent the chunk.
+    """
+    if chunk.algorithm != ALGORITHM:
+        raise ClusterError(
+            f"the worker on {socket.gethostname()} has another version of itmo_video",
+            remedy="Install the same version everywhere, then run the same command again.",
+        )
+    clip = _clip(chunk)
+    plan = make_plan(clip, make_look(chunk.settings), chunk.run)
+    folder = OutputFolder(chunk.output, plan.clip.stem)
+    todo: Mapping[int, int] = plan.numbers
+    if not chunk.run.null:
+        if read_manifest(chunk.output) is None:
+            raise OutputError(
+                f"the worker on {socket.gethostname()} does not find the folder",
+                where=chunk.output,
+                remedy="All workers must see it under this path; then run the same command again.",
+            )
+        # A chunk whose worker died is sent again: what that one had finished is not made anew.
+        todo, _ = frames_to_make(plan, folder, chunk.run)
+    summary = Summary(len(plan.numbers), len(plan.numbers) - len(todo))
+    ended = render_job(Job(clip, plan, folder, chunk.run, todo), summary, lambda event: None)
+    made = tuple(n for n in chunk.numbers if n not in set(summary.missing))
+    return Outcome(
+        made,
+        tuple(summary.damaged),
+        tuple(summary.missing),
+        summary.bytes_written,
+        tuple(ended),
+    )
+
+
+def try_chunk(chunk: Chunk) -> Outcome | ItmoError:
+    """As make_chunk, with expected errors returned: Dask would log a raised one as a traceback."""
+    try:
+        return make_chunk(chunk)
+    except ItmoError as error:
+        return error
+
+
+def dask_setup(worker: object) -> None:
+    """Dask calls it in worker processes that are started with this module as `preload`.
+
+    Ctrl-C in a terminal reaches all its processes: the one in front ends the others, in order.
+    """
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
+def _run_of(run: RunOptions, numbers: list[int], first_number: int) -> RunOptions:
+    analysis = run.analysis
+    if analysis is not None:  # of a film it would be megabytes; a chunk needs its own shots
+        offset = first_number - analysis.first_number
+        first, last = numbers[0] - offset, numbers[-1] - offset
+        shots = tuple(s for s in analysis.shots if s.last >= first and s.first <= last)
+        analysis = replace(analysis, times_s=(), cuts=(), keyframes=(), shots=shots)
+    return replace(run, frames=format_ranges(numbers), jobs=1, analysis=analysis)
+
+
+def _clip(chunk: Chunk) -> Clip:
+    options = input_options(chunk.settings, chunk.run.max_pixels)
+    try:
+        stat = os.stat(chunk.source)
+    except OSError as error:
+        raise InputError(
+            f"the worker on {socket.gethostname()} does not find it: {error.strerror}",
+            where=chunk.source,
+            remedy="All workers must see it under this path; then run the same command again.",
+        ) from error
+    clip = _open_once(chunk.source, options, stat.st_mtime_ns, stat.st_size, chunk.output)
+    if clip.info.digest != chunk.digest:
+        raise InputError(
+            f"the worker on {socket.gethostname()} sees another file there",
+            where=chunk.source,
+            remedy="All workers must see the same one; then run the same command again.",
+        )
+    return clip
+
+
+@functools.lru_cache(maxsize=2)  # opening reads all packets of a film, too dear for each chunk
+def _open_once(source: str, options: InputOptions, mtime: int, size: int, output: str) -> Clip:
+    clip = open_clip(source, options)
+    # A worker that takes a killed one's place clears up after it; only its own machine can.
+    OutputFolder(output, clip.info.stem).sweep_temp_files()
+    return clip

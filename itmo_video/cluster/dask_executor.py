@@ -1,0 +1,168 @@
+"""A job on Dask distributed (extra `cluster`): chunks as tasks, a bounded number in flight.
+
+Workers render with the same code as one machine and write the frames themselves, so the bytes are
+the same; a chunk whose worker dies is given to another one. `distributed` is imported when used.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from itertools import islice
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING, Any
+
+from itmo_video.cluster.chunks import Outcome, cut_into_chunks, try_chunk
+from itmo_video.conversion.convert import Executor, Job, OnEvent, Summary
+from itmo_video.errors import ClusterError, DamagedInputError, ItmoError, UsageError
+from itmo_video.rendering.spans import default_jobs
+
+if TYPE_CHECKING:
+    from distributed import Client
+
+WAIT_S = 60  # for the scheduler, then for its first worker
+AGAIN = "run the same command again: it goes on where it stopped."
+
+
+def cluster_executor(address: str) -> Executor:
+    """An executor for `conversion.convert`: on the scheduler at `address`, or "local" processes.
+
+    It raises UsageError without the extra, ClusterError when scheduler or workers are lost, and
+    what a worker raised.
+    """
+    try:
+        import distributed  # noqa: F401 - only whether it is there
+    except ImportError as error:
+        raise UsageError(
+            "--scheduler needs Dask distributed", remedy="pip install 'itmo_video[cluster]'"
+        ) from error
+
+    def execute(job: Job, summary: Summary, on_event: OnEvent) -> list[DamagedInputError]:
+        if not job.todo:
+            return []
+        try:
+            with _connected(address, job) as client, client.as_current():
+                return _run(client, job, summary, on_event)
+        finally:
+            if not job.run.null:  # of workers that were killed on this machine
+                job.folder.sweep_temp_files()
+
+    return execute
+
+
+@contextmanager
+def _connected(address: str, job: Job) -> Iterator[Client]:
+    from distributed import Client, LocalCluster
+
+    # An interrupt between two lines of distributed's `sync` makes its own callback fail, which
+    # tornado would tell as a traceback; the interrupt itself is told in our words.
+    logging.getLogger("tornado.application").setLevel(logging.CRITICAL)
+    if address == "local":
+        with (
+            TemporaryDirectory(prefix="itmo-dask-", ignore_cleanup_errors=True) as scratch,
+            LocalCluster(
+                n_workers=job.run.jobs or default_jobs(),
+                threads_per_worker=1,
+                processes=True,
+                dashboard_address="127.0.0.1:0",  # None would mean 8787 for all the world, if free
+                memory_limit=0,  # the pipeline bounds its own; a worker must not be killed for it
+                silence_logs=logging.CRITICAL,  # heartbeats to what has just been closed
+                local_directory=scratch,  # the common one fills with what killed workers left
+                preload="itmo_video.cluster.chunks",  # see its dask_setup
+            ) as cluster,
+            Client(cluster, set_as_default=False) as client,
+        ):
+            yield client
+        return
+    # A scheduler that is lost is told in our two lines, not in a page of its own.
+    logging.getLogger("distributed.client").setLevel(logging.CRITICAL)
+    try:
+        client = Client(address, timeout=WAIT_S, set_as_default=False)
+    except (OSError, ValueError) as error:
+        raise ClusterError(
+            "no scheduler answers", where=address, remedy=f"Start `dask scheduler`, then {AGAIN}"
+        ) from error
+    with client:
+        try:
+            client.wait_for_workers(1, timeout=WAIT_S)
+        except TimeoutError as error:
+            raise _no_workers(address) from error
+        yield client
+
+
+def _run(client: Any, job: Job, summary: Summary, on_event: OnEvent) -> list[DamagedInputError]:
+    from distributed import wait
+    from distributed.client import FutureCancelledError
+    from distributed.comm import CommClosedError
+
+    chunks = cut_into_chunks(job, _threads(client))
+    in_flight: set[Any] = set()
+    ended: dict[str, DamagedInputError] = {}
+    try:
+        while True:
+            # Two for each thread keep it busy; a film has more chunks than a scheduler should hold.
+            room = 2 * _threads(client) - len(in_flight)
+            for chunk in islice(chunks, max(0, room)):
+                in_flight.add(client.submit(try_chunk, chunk, pure=False))
+            if not in_flight:
+                return list(ended.values())
+            try:
+                done, in_flight = wait(in_flight, timeout=WAIT_S, return_when="FIRST_COMPLETED")
+            except TimeoutError:
+                if not client.nthreads():  # else it would wait for ever
+                    raise _no_workers(client.scheduler.address) from None
+                continue
+            for future in done:
+                outcome = _outcome(future)
+                _count(outcome, job, summary, on_event)
+                ended |= {str(error): error for error in outcome.ended}
+    except (FutureCancelledError, CommClosedError) as error:
+        raise ClusterError(
+            "the scheduler is gone or has forgotten the frames", remedy=f"Start it, then {AGAIN}"
+        ) from error
+    finally:
+        with suppress(CommClosedError, TimeoutError):
+            client.cancel(list(in_flight))
+
+
+def _no_workers(address: str) -> ClusterError:
+    return ClusterError(
+        f"the scheduler has had no workers for {WAIT_S:g} s",
+        where=address,
+        remedy=f"Start `dask worker {address}`, then {AGAIN}",
+    )
+
+
+def _threads(client: Any) -> int:
+    return max(1, sum(map(int, client.nthreads().values())))  # workers come and go
+
+
+def _outcome(future: Any) -> Outcome:
+    from distributed import KilledWorker
+
+    try:
+        outcome = future.result()
+    except KilledWorker as error:
+        raise ClusterError(
+            "several workers died over the same frames",
+            remedy=f"Look at their memory, then {AGAIN}",
+        ) from error
+    except ImportError as error:
+        raise ClusterError(
+            f"a worker cannot load what it needs: {error}",
+            remedy=f"Install itmo_video there, too, then {AGAIN}",
+        ) from error
+    if isinstance(outcome, ItmoError):
+        raise outcome
+    assert isinstance(outcome, Outcome)
+    return outcome
+
+
+def _count(outcome: Outcome, job: Job, summary: Summary, on_event: OnEvent) -> None:
+    summary.damaged.extend(outcome.damaged)
+    summary.missing.extend(outcome.missing)
+    summary.bytes_written += outcome.bytes_written
+    for number in outcome.made:
+        summary.written += 1
+        on_event({"event": "frame", "number": number, "done": summary.written, "of": len(job.todo)})

@@ -1,0 +1,1 @@
+"""Colour: primaries, transfer functions, linear light, luminance."""

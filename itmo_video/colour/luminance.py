@@ -1,0 +1,69 @@
+"""A frame's luminance by the paper's equation 1, strip by strip, and its RGB at analysis size."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import cv2
+import numpy as np
+
+from itmo_video.colour import linear_light
+from itmo_video.colour.analysis_picture import averaged
+from itmo_video.colour.primaries import LUMINANCE_WEIGHTS_BANTERLE2006
+from itmo_video.colour.strips import strip_buffers, strips
+from itmo_video.kernels import compiled, library
+from itmo_video.model import Float32, Frame
+
+
+def luminance_of(rgb: Sequence[Float32], out: Float32 | None = None) -> Float32:
+    """Eq. 1, of the source's own RGB: float32 of the planes' shape."""
+    r, g, b = LUMINANCE_WEIGHTS_BANTERLE2006
+    total = np.multiply(rgb[0], np.float32(r), out=out)
+    total += rgb[1] * np.float32(g)
+    total += rgb[2] * np.float32(b)
+    return total
+
+
+def limited_luminance(
+    rgb: Sequence[Float32], ratio: Float32 | None = None, out: Float32 | None = None
+) -> Float32:
+    """Eq. 1 times `ratio`, if any, limited to [0, 1]: float32 of the planes' shape."""
+    if (loaded := library.library()) is not None:
+        return compiled.drive(loaded, rgb, LUMINANCE_WEIGHTS_BANTERLE2006, ratio, out)
+    luminance = luminance_of(rgb, out)
+    if ratio is not None:
+        luminance *= ratio
+    return np.clip(luminance, 0, 1, out=luminance)
+
+
+def frame_luminance(frame: Frame) -> Float32:
+    """Linear luminance of a whole frame, (H, W) float32 in [0, 1]."""
+    width, height = frame.size
+    luminance = np.empty((height, width), np.float32)
+    for rows in strips(height):
+        rgb = strip_buffers(rows, width)
+        linear_light.strip_to_rgb_linear(frame, rows, True, rgb)
+        limited_luminance(rgb, out=luminance[rows])
+    return luminance
+
+
+def frame_rgb_small(frame: Frame, size: tuple[int, int]) -> Float32:
+    """Linear RGB of a frame, area-averaged to (width, height): float32 (H, W, 3) in [0, 1]."""
+    width, height = frame.size
+    halves = width % 2 == 0 and height % 2 == 0 and width >= 2 * size[0] and height >= 2 * size[1]
+    step = 2 if halves else 1  # while it is in the cache: cv2 gives the same bytes by strips
+    planes = [np.empty((height // step, width // step), np.float32) for _ in range(3)]
+    for rows in strips(height):
+        rgb = strip_buffers(rows, width)
+        linear_light.strip_to_rgb_linear(frame, rows, True, rgb)
+        inner = slice(rows.start // step, rows.stop // step)
+        for plane, strip in zip(planes, rgb, strict=True):
+            if halves:
+                half = (width // 2, inner.stop - inner.start)
+                cv2.resize(strip, half, dst=plane[inner], interpolation=cv2.INTER_AREA)
+            else:
+                plane[inner] = strip
+    if size != planes[0].shape[::-1]:
+        planes = [averaged(plane, size) for plane in planes]
+    small = np.stack(planes, axis=-1)
+    return np.clip(small, 0, 1, out=small)

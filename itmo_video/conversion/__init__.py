@@ -1,0 +1,1 @@
+"""One clip to one folder of EXR files."""

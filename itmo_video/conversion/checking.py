@@ -1,0 +1,60 @@
+"""What a conversion would do, and whether a folder holds what it would have made."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from itmo_video.conversion.convert import _other_settings, _shortage, frames_to_make
+from itmo_video.conversion.frame_ranges import format_ranges
+from itmo_video.conversion.plan import RunOptions, keys_on_grid, make_plan
+from itmo_video.errors import CheckFailedError
+from itmo_video.look import make_look
+from itmo_video.output import disk_space
+from itmo_video.output.folder import OutputFolder, free_bytes
+from itmo_video.settings import Settings
+from itmo_video.source.opening import input_options, open_clip
+
+
+def describe_plan(
+    source: str | Path, output: str | Path, settings: Settings, run: RunOptions
+) -> str:
+    """What a conversion would do, in a few lines; raises what `convert` would, writes nothing."""
+    with open_clip(source, input_options(settings, run.max_pixels)) as clip:
+        plan = make_plan(clip, make_look(settings), run)
+    folder = OutputFolder(output, plan.clip.stem)
+    folder.check(plan.manifest, overwrite=run.overwrite, update=run.update)
+    todo, others = (plan.numbers, []) if run.null else frames_to_make(plan, folder, run)
+    if others:
+        raise _other_settings(others, folder)
+    width, height = plan.clip.display_size
+    needed = 0 if run.null else len(todo) * plan.estimated_frame_bytes
+    lines = [
+        f"{len(plan.numbers)} frames ({format_ranges(plan.numbers)}) of {width}x{height}, "
+        f"{len(plan.numbers) - len(todo)} of them there already",
+        f"{len(keys_on_grid(plan))} keyframes on the grid of {plan.settings.key_reach}, "
+        "and two more at each cut",
+        f"at most {plan.memory_bytes / 1e6:.0f} MB of memory with {plan.jobs} jobs",
+        f"about {disk_space.in_words(needed)} on the disk, "
+        f"{disk_space.in_words(free_bytes(folder.path))} are free",
+    ]
+    if plan.shots:
+        lines.append(f"{len(plan.shots)} shots with settings of their own")
+    if not run.null and (short := _shortage(plan, folder, len(todo))):
+        lines.append(f"warning: {short}")
+    return "\n".join(lines)
+
+
+def verify(
+    source: str | Path, output: str | Path, settings: Settings, run: RunOptions
+) -> list[tuple[Path, str]]:
+    """Check a folder against what a conversion would have made; (path, problem) for each fault."""
+    with open_clip(source, input_options(settings, run.max_pixels)) as clip:
+        plan = make_plan(clip, make_look(settings), run)
+    folder = OutputFolder(output, plan.clip.stem)
+    return folder.verify({n: plan.fingerprint(n) for n in plan.numbers}, plan.jobs)
+
+
+def require_sound(faults: list[tuple[Path, str]]) -> None:
+    """Raise CheckFailedError that names each fault, if there is any."""
+    if faults:
+        raise CheckFailedError("\n".join(f"{path}: {problem}" for path, problem in faults))

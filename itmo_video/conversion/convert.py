@@ -1,0 +1,183 @@
+"""One clip to one folder of EXR files: claim the folder, render what is missing, report."""
+
+from __future__ import annotations
+
+import dataclasses
+import threading
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from itmo_video.conversion.exr_headers import exr_header
+from itmo_video.conversion.frame_ranges import format_ranges
+from itmo_video.conversion.plan import Plan, RunOptions, make_plan
+from itmo_video.errors import DamagedInputError, OutputError
+from itmo_video.look import make_look
+from itmo_video.model import Frame
+from itmo_video.output import disk_space, exr
+from itmo_video.output.folder import OutputFolder, free_bytes
+from itmo_video.rendering import spans
+from itmo_video.rendering.frame import Rendered
+from itmo_video.settings import Settings
+from itmo_video.source.opening import Clip, input_options, open_clip
+
+Event = Mapping[str, Any]
+OnEvent = Callable[[Event], None]
+
+
+@dataclass
+class Summary:
+    """What a conversion did."""
+
+    wanted: int
+    present: int
+    written: int = 0
+    missing: list[int] = field(default_factory=list)
+    damaged: list[int] = field(default_factory=list)
+    seconds: float = 0.0
+    bytes_written: int = 0
+
+
+@dataclass(frozen=True)
+class Job:
+    """An open clip, what is to become of it, and the frames still to be made, index by number."""
+
+    clip: Clip
+    plan: Plan
+    folder: OutputFolder
+    run: RunOptions
+    todo: Mapping[int, int]
+
+
+# A way to make a job's frames: fills the summary, returns what cut the source short.
+Executor = Callable[[Job, Summary, OnEvent], list[DamagedInputError]]
+
+
+def convert(
+    source: str | Path,
+    output: str | Path,
+    settings: Settings | None = None,
+    run: RunOptions | None = None,
+    on_event: OnEvent = lambda event: None,
+    executor: Executor | None = None,
+) -> Summary:
+    """Convert a clip to an EXR sequence OUTPUT/<stem>.%04d.exr; what is there already stays.
+
+    Raises the errors of itmo_video.errors; DamagedInputError only after all that decodes was
+    written, OutputError for single frames of other settings only after all else was. `on_event` is
+    called with dicts that have "event": started, frame, warning, finished; frames come from worker
+    threads, one at a time. `executor` renders elsewhere than here.
+    """
+    settings, run = settings or Settings(), run or RunOptions()
+    began = time.monotonic()
+    with open_clip(source, input_options(settings, run.max_pixels)) as clip:
+        plan = make_plan(clip, make_look(settings), run)
+        folder = OutputFolder(output, plan.clip.stem)
+        for notice in plan.clip.notices:
+            on_event({"event": "warning", "message": notice})
+        todo, others = dict(plan.numbers), list[int]()
+        if not run.null:
+            folder.claim(plan.manifest, overwrite=run.overwrite, update=run.update)
+            folder.sweep_temp_files()
+            todo, others = frames_to_make(plan, folder, run)
+            if short := _shortage(plan, folder, len(todo)):
+                on_event({"event": "warning", "message": short})
+        summary = Summary(len(plan.numbers), len(plan.numbers) - len(todo) - len(others))
+        on_event(
+            {"event": "started", "input": plan.clip.path, "output": str(output),
+             "frames": summary.wanted, "present": summary.present}
+        )  # fmt: skip
+        ended = (executor or render_job)(Job(clip, plan, folder, run, todo), summary, on_event)
+    summary.missing.sort()
+    summary.damaged.sort()
+    summary.seconds = time.monotonic() - began
+    on_event({"event": "finished", **dataclasses.asdict(summary)})
+    cut_short = (plan.clip.frames_declared or 0) - plan.clip.frames if run.frames is None else 0
+    if ended or summary.missing or summary.damaged or cut_short > 0:
+        raise _damage(plan, summary, ended, cut_short)
+    if others:
+        raise _other_settings(others, folder)
+    return summary
+
+
+def frames_to_make(
+    plan: Plan, folder: OutputFolder, run: RunOptions
+) -> tuple[dict[int, int], list[int]]:
+    """The frames still to be made, index by number, and the numbers of those to be left alone.
+
+    A frame is there if it opens whole with its fingerprint. Left alone are those that open whole
+    with another one, made with other settings, unless the run says to update or overwrite.
+    """
+    if run.overwrite:
+        return dict(plan.numbers), []
+    states = folder.states({n: plan.fingerprint(n) for n in plan.numbers}, plan.jobs)
+    others = [] if run.update else [n for n, state in states.items() if state == "other"]
+    done = {n for n, state in states.items() if state == "whole"} | set(others)
+    return {n: i for n, i in plan.numbers.items() if n not in done}, others
+
+
+def render_job(job: Job, summary: Summary, on_event: OnEvent) -> list[DamagedInputError]:
+    """Render a job's frames in this process's threads and write each, whole or not at all."""
+    plan, run = job.plan, job.run
+    by_index = {index: number for number, index in job.todo.items()}
+    lock = threading.Lock()
+
+    def sink(frame: Frame, rendered: Rendered) -> None:
+        number = by_index[frame.index]
+        size = 0
+        if not run.null:
+            size = exr.write_exr(
+                job.folder.frame_path(number),
+                rendered.rgb,
+                exr_header(plan, number, frame.time_s),
+                alpha=rendered.alpha,
+                layers=rendered.layers,
+                durable=run.durable,
+            )
+        with lock:
+            by_index.pop(frame.index)
+            summary.written += 1
+            summary.bytes_written += size
+            if frame.is_damaged:
+                summary.damaged.append(number)
+            on_event(
+                {"event": "frame", "number": number, "done": summary.written, "of": len(job.todo)}
+            )
+
+    ended = spans.render_frames(
+        job.clip, sorted(by_index), plan.look, plan.jobs, sink, plan.look_at
+    )
+    summary.missing.extend(by_index.values())
+    return ended
+
+
+def _other_settings(numbers: list[int], folder: OutputFolder) -> OutputError:
+    return OutputError(
+        f"frames {format_ranges(numbers)} were made with other settings",
+        where=str(folder.path),
+        remedy="--update makes them again; or choose another folder.",
+    )
+
+
+def _damage(
+    plan: Plan, summary: Summary, ended: list[DamagedInputError], cut_short: int
+) -> DamagedInputError:
+    told = [error.what for error in ended]
+    if summary.missing:
+        told.append(f"frames {format_ranges(summary.missing)} could not be decoded")
+    if summary.damaged:
+        told.append(f"frames {format_ranges(summary.damaged)} are damaged in the source")
+    if cut_short > 0:
+        told.append(f"the file is cut short: {cut_short} frames are missing at its end")
+    return DamagedInputError(
+        "; ".join(told),
+        where=plan.clip.path,
+        remedy=f"All that decodes was converted: {summary.written + summary.present} frames.",
+    )
+
+
+def _shortage(plan: Plan, folder: OutputFolder, frames: int) -> str | None:
+    needed = frames * plan.estimated_frame_bytes
+    return disk_space.shortage(needed, free_bytes(folder.path), str(folder.path))

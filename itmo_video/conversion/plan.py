@@ -1,0 +1,189 @@
+"""What a conversion would do: frames by number, settings by shot, fingerprints."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from bisect import bisect_right
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from itmo_video.analysis.model import Analysis
+from itmo_video.conversion.frame_ranges import format_ranges, parse_ranges
+from itmo_video.errors import UsageError
+from itmo_video.look import Look, make_look
+from itmo_video.model import ClipInfo
+from itmo_video.operators import version_of
+from itmo_video.output import disk_space
+from itmo_video.output.folder import Manifest
+from itmo_video.rendering import spans
+from itmo_video.settings import Settings
+from itmo_video.source.opening import Clip
+
+ALGORITHM = 4  # raise it whenever the same settings give other pixels
+
+
+@dataclass(frozen=True)
+class RunOptions:
+    """How a conversion is run; nothing of it but `analysis` changes a frame's bytes.
+
+    The shots of `analysis` give their frames a peak, a strength, or switch the expansion off.
+    """
+
+    frames: str | None = None
+    start_number: int = 1
+    jobs: int | None = None
+    overwrite: bool = False
+    update: bool = False
+    durable: bool = False
+    null: bool = False
+    max_pixels: int = 2**27
+    analysis: Analysis | None = None
+
+
+@dataclass(frozen=True)
+class ShotLook:
+    """Frames `first` to `last` (indices, inclusive) that have settings of their own."""
+
+    first: int
+    last: int
+    look: Look
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What a conversion would do: frames by number, and the folder and fingerprints they go by.
+
+    `shots` are sorted and apart from each other; frames in none of them follow `look`.
+    """
+
+    clip: ClipInfo
+    look: Look
+    numbers: Mapping[int, int]  # file number -> index
+    first_number: int
+    memory_bytes: int
+    jobs: int
+    shots: tuple[ShotLook, ...] = ()
+
+    @property
+    def settings(self) -> Settings:
+        """The settings of frames that no shot of an analysis changes."""
+        return self.look.settings
+
+    def look_at(self, index: int) -> Look:
+        """The effective settings, compiled, of the frame at `index`."""
+        at = bisect_right(self._shot_starts, index) - 1
+        return self.shots[at].look if at >= 0 and index <= self.shots[at].last else self.look
+
+    def fingerprint(self, number: int) -> str:
+        """What a frame's pixels depend on: settings, source content, index, algorithm."""
+        index = self.numbers[number]
+        return hashlib.blake2b(
+            f"{self._settings_texts[id(self.look_at(index))]}{index}".encode(), digest_size=16
+        ).hexdigest()
+
+    @property
+    def manifest(self) -> Manifest:
+        """Whose the output folder is."""
+        settings = {**self.settings.as_dict(), "first_number": self.first_number}
+        if self.shots:
+            settings["shots"] = [
+                [shot.first, shot.last, _changed(self.settings, shot.look.settings)]
+                for shot in self.shots
+            ]
+        return Manifest(Path(self.clip.path).name, self.clip.digest, self.clip.stem, settings)
+
+    @property
+    def estimated_frame_bytes(self) -> int:
+        """Roughly the bytes of one file."""
+        width, height = self.clip.display_size
+        return disk_space.estimated_frame_bytes(
+            width, height, self.clip.encoding.has_alpha, self.settings
+        )
+
+    @cached_property
+    def _shot_starts(self) -> list[int]:
+        return [shot.first for shot in self.shots]
+
+    @cached_property
+    def _settings_texts(self) -> dict[int, str]:
+        # By identity: a film has 150,000 frames and few looks, which the plan keeps alive.
+        common = {"source": self.clip.digest, "algorithm": ALGORITHM}
+        looks = [self.look, *(shot.look for shot in self.shots)]
+        return {
+            id(look): json.dumps(
+                {**look.settings.as_dict(), **common, **_operator_version(look)}, sort_keys=True
+            )
+            for look in looks
+        }
+
+
+def make_plan(clip: Clip, look: Look, run: RunOptions) -> Plan:
+    """Resolve ranges, numbers and shots; raises UsageError where they do not fit the clip."""
+    info = clip.info
+    first = info.first_number if info.first_number is not None else run.start_number
+    numbers = {first + index: index for index in range(info.frames)}
+    if run.frames is not None:
+        asked = parse_ranges(run.frames)
+        if outside := [n for n in asked if n not in numbers]:
+            raise UsageError(
+                f"frames {format_ranges(outside)} are not in the clip",
+                where=info.path,
+                remedy=f"It has {first}-{first + info.frames - 1}.",
+            )
+        numbers = {n: numbers[n] for n in asked}
+    jobs = run.jobs or spans.default_jobs()
+    width, height = info.display_size
+    wide = 1 if info.encoding.bit_depth == 8 else 2
+    memory = spans.memory_bound_bytes(width, height, wide, look, jobs)
+    shots = shot_looks(info, look.settings, run.analysis)
+    return Plan(info, look, numbers, first, memory, jobs, shots)
+
+
+def shot_looks(info: ClipInfo, base: Settings, analysis: Analysis | None) -> tuple[ShotLook, ...]:
+    """The shots of an analysis that change something, by index, with their effective settings.
+
+    Raises UsageError where the analysis is another clip's or a shot's values are out of bounds.
+    """
+    if analysis is None:
+        return ()
+    if analysis.digest != info.digest:
+        raise UsageError(
+            f"the analysis is of another clip, {analysis.source_name!r}",
+            where=analysis.where,
+            remedy=f"Analyse this one: itmo-video analyse {info.path} --output FILE.json",
+        )
+    looks: list[ShotLook] = []
+    for shot in analysis.shots:
+        try:
+            settings = replace(base, **shot.changes(base.strength))
+        except UsageError as error:
+            raise UsageError(
+                f"shot {shot.first}-{shot.last}: {error.what}",
+                where=analysis.where,
+                remedy=error.remedy,
+            ) from error
+        if settings != base:
+            first, last = (n - analysis.first_number for n in (shot.first, shot.last))
+            looks.append(ShotLook(first, last, make_look(settings)))
+    return tuple(looks)
+
+
+def keys_on_grid(plan: Plan) -> Sequence[int]:
+    """Indices of the keyframes on the absolute grid that the planned frames stand behind."""
+    interval = plan.settings.key_reach
+    return sorted({i - i % interval for i in plan.numbers.values()})
+
+
+def _operator_version(look: Look) -> dict[str, str]:
+    """What tells versions of a user's operator apart; ALGORITHM does for ours."""
+    version = version_of(look.settings.operator)
+    return {"operator_version": version} if version else {}
+
+
+def _changed(base: Settings, effective: Settings) -> dict[str, Any]:
+    was, now = base.as_dict(), effective.as_dict()
+    return {name: now[name] for name in now if now[name] != was[name]}

@@ -1,0 +1,56 @@
+"""A preview's pictures from a clip, converted on the fly."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+from itmo_video.conversion.plan import RunOptions, make_plan
+from itmo_video.delivery.in_order import InOrder, run_in_order
+from itmo_video.delivery.pictures import Picture, Pictures, T, Work
+from itmo_video.look import make_look
+from itmo_video.model import Frame
+from itmo_video.rendering import spans
+from itmo_video.rendering.frame import Rendered
+from itmo_video.settings import Settings
+from itmo_video.source.opening import input_options, open_clip
+
+
+def from_clip(source: Path, settings: Settings, run: RunOptions) -> Pictures:
+    """The pictures of a clip, converted on the fly; raises what `convert` would."""
+    look = make_look(settings)
+    with open_clip(source, input_options(settings, run.max_pixels)) as clip:
+        plan = make_plan(clip, look, run)
+    by_index = {index: number for number, index in plan.numbers.items()}
+    info = plan.clip
+    pictures: Pictures
+
+    def mapped(work: Work[T]) -> Iterator[T]:
+        def make(buffer: InOrder[T]) -> None:
+            made = 0
+
+            def sink(frame: Frame, done: Rendered) -> None:
+                nonlocal made
+                made += 1
+                number = by_index[frame.index]
+                item = work(
+                    Picture(frame.index, number, frame.time_s, done.rgb, frame, done.layers)
+                )
+                buffer.put(frame.index, item)
+
+            wanted = sorted(by_index)
+            ended = spans.render_frames(
+                clip, wanted, look, plan.jobs, sink, on_planned=buffer.plan, on_stop=buffer.close
+            )
+            pictures.damage += [error.what for error in ended]
+            if made < len(wanted):
+                pictures.damage.append(f"{len(wanted) - made} frames could not be decoded")
+
+        return run_in_order(make, plan.jobs * (settings.key_reach + 1))
+
+    pictures = Pictures(
+        info.display_size, info.frame_rate, info.pixel_aspect, settings.white_nits,
+        settings.l_max_effective * settings.white_nits, settings.primaries,
+        sorted(plan.numbers), source, mapped,
+    )  # fmt: skip
+    return pictures

@@ -1,0 +1,1 @@
+"""The Expand Map of one key: median cut, density of lights, letterbox bars."""

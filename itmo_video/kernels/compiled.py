@@ -1,0 +1,252 @@
+"""What the compiled library does, where it was built; without it callers use NumPy and OpenCV."""
+
+from __future__ import annotations
+
+import ctypes
+import functools
+from collections.abc import Sequence
+from typing import Any, TypeAlias, TypeVar, cast
+
+import numpy as np
+import numpy.typing as npt
+
+Bytes2D = npt.NDArray[np.uint8]
+Codes: TypeAlias = npt.NDArray[np.uint8] | npt.NDArray[np.uint16]
+Float32 = npt.NDArray[np.float32]
+Plane = TypeVar("Plane", bound=npt.NDArray[Any])
+Float64 = npt.NDArray[np.float64]
+Half = npt.NDArray[np.float16]
+Indices = npt.NDArray[np.int64]
+
+_BLOCK_ROOM = 2 * 1024 + 32  # HEADER_ROOM for both blocks, zlib's own bytes and the writer's last
+_AT_ONCE = 8  # AT_ONCE in guide.c
+
+
+def _at(array: npt.NDArray[Any] | None) -> int | None:
+    """Where an array begins, for a loop that knows of no gaps; ValueError where it has some."""
+    if array is None:
+        return None
+    if not array.flags.c_contiguous:
+        raise ValueError(f"an array of shape {array.shape} has strides {array.strides}")
+    return array.ctypes.data
+
+
+def _whole(plane: npt.NDArray[Any]) -> Float32:
+    """The plane as the loops read it: float32 without gaps."""
+    return np.ascontiguousarray(plane, np.float32)
+
+
+def pack_literals(loaded: ctypes.CDLL, rows: Bytes2D) -> list[bytes]:
+    """Each row (count, size) as a zlib stream that says its bytes in Huffman's code, no repeats.
+
+    The rows share two codes, one of their first halves and one of their second halves: EXR puts
+    the lower bytes of its pixels there and the upper ones here. `rows` are contiguous, of an even
+    size above 0, and less than 2**31 bytes in all. Other threads run meanwhile.
+    """
+    count, size = rows.shape
+    if size < 2 or size % 2 or rows.size >= 2**31:
+        raise ValueError(f"rows of shape {rows.shape} cannot be packed")
+    out = np.empty(count * (size * 14 // 8 + _BLOCK_ROOM), np.uint8)
+    ends = np.empty(count, np.int64)
+    loaded.itmo_pack_literals(_at(rows), count, size, _at(out), _at(ends))
+    starts = [0, *ends[:-1].tolist()]
+    return [out[a:b].tobytes() for a, b in zip(starts, ends.tolist(), strict=True)]
+
+
+def ycbcr_rows(
+    loaded: ctypes.CDLL,
+    planes: Sequence[Codes],
+    rows: slice,
+    sites: tuple[float | None, float | None],
+    levels: tuple[float, float, float, float],
+    matrix: tuple[float, float, float, float],
+    exponent: float | None,
+    out: Sequence[Float32],
+) -> None:
+    """Some rows of a picture's Y'CbCr as R'G'B' into three float32 arrays of (rows, width).
+
+    `planes` are whole, uint8 or uint16, chroma as large as luma or half as wide, and half as high,
+    where `sites` (across, down) are not None but chroma.siting_offset's. `levels` are the codes of
+    black and of white above it, then those of no chroma and of chroma's range; `matrix` what Cr
+    adds to red, Cb to blue, Cr to green and Cb to green, for each of its range. With an `exponent`
+    (2 to 4) limited to [0, 1] and raised to it, within 6e-6. Any strip has the same bytes.
+    """
+    luma, cb, cr = (_in_lines(plane) for plane in planes)
+    height, width = cb.shape
+    strides = np.array([cb.strides[0], cr.strides[0]], np.int64)
+    across, down = (-1 if site is None else round(2 * site) for site in sites)
+    scratch = np.empty(5 * width + 2 + luma.shape[1], np.float32)
+    level, factor = np.array(levels, np.float32), np.array(matrix, np.float32)
+    loaded.itmo_ycbcr_rows(
+        luma.ctypes.data, cb.ctypes.data, cr.ctypes.data,
+        luma.strides[0], _at(strides), luma.itemsize,
+        luma.shape[1], width, height, rows.start, rows.stop - rows.start, across, down,
+        _at(level), _at(factor), exponent or 0, _at(scratch),
+        *(_at(plane) for plane in out),
+    )  # fmt: skip
+
+
+def _in_lines(plane: Plane) -> Plane:
+    """The plane, or a copy whose lines are without gaps between codes of this machine's kind."""
+    if plane.strides[1] == plane.itemsize and plane.dtype.isnative:
+        return plane
+    return cast(Plane, np.ascontiguousarray(plane, plane.dtype.newbyteorder("=")))
+
+
+def drive(
+    loaded: ctypes.CDLL,
+    rgb: Sequence[Float32],
+    weights: Sequence[float],
+    ratio: Float32 | None,
+    out: Float32 | None = None,
+) -> Float32:
+    """The weighted sum of three planes, times `ratio` if any, limited to [0, 1]: in `out` or new.
+
+    All contiguous float32 of one shape.
+    """
+    out = np.empty_like(rgb[0]) if out is None else out
+    factor = np.array(weights, np.float32)
+    loaded.itmo_drive(
+        *(_at(plane) for plane in rgb), _at(factor),
+        _at(ratio), out.size, _at(out),
+    )  # fmt: skip
+    return out
+
+
+def camera_model(
+    loaded: ctypes.CDLL,
+    across: Float64,
+    down: Float64,
+    vectors: Float64,
+    texture: Float64,
+    sigmas: Sequence[float],
+    ridge: float,
+) -> Float64:
+    """`warp.camera_model` of float64 arrays, in one order of sums on all machines: (3, 2)."""
+    scales, weight, model = np.array(sigmas), np.empty(texture.size), np.empty((2, 3))
+    loaded.itmo_camera_model(
+        _at(across), _at(down), _at(vectors), _at(texture), texture.size,
+        _at(scales), scales.size, ridge, _at(weight), _at(model),
+    )  # fmt: skip
+    return model.T
+
+
+def guided_coefficients(
+    loaded: ctypes.CDLL,
+    map_small: Float32,
+    guide_small: Float32,
+    radius_px: int,
+    epsilon: float,
+    share: Float32,
+) -> tuple[Float32, Float32]:
+    """`upsampling.edge_aware_coefficients`; `share` is one over the pixels of each window."""
+    is_same = map_small is guide_small
+    guide_small = _whole(guide_small)
+    map_small = guide_small if is_same else _whole(map_small)
+    height, width = guide_small.shape
+    scratch = np.empty(4 * (3 * width + 2 * radius_px + 1), np.float64)
+    between_a, between_b, a, b = np.empty((4, height, width), np.float32)
+    loaded.itmo_guided_coefficients(
+        _at(map_small), _at(guide_small), height, width,
+        radius_px, epsilon, _at(share), _at(scratch),
+        _at(between_a), _at(between_b), _at(a), _at(b),
+    )  # fmt: skip
+    return a, b
+
+
+def guide_rows(
+    loaded: ctypes.CDLL,
+    luma: Codes | Float32,
+    levels: tuple[float, float],
+    rows: slice,
+    small: Float32,
+    between: tuple[Indices, Float32],
+    *,
+    guards: bool,
+    edge_aware: bool,
+) -> tuple[list[Float32], Float32 | None]:
+    """`guide.Guidance.rows` of the coefficients `small` (planes, h, w): the maps and the ratio.
+
+    `luma` is the whole picture's, (H, W) in codes with black at the first of `levels` and white by
+    the second above it; `between` tells for each row the row of `small` above it, and the share of
+    the one below. With `guards` the first two planes are the ratio's. Any strip has the same bytes.
+    """
+    above, parts = between
+    luma, small = _in_lines(luma), _whole(small)
+    count, (planes, h, w), (height, width) = len(above), small.shape, luma.shape
+    starts, shares = _columns_between(w, width)
+    ratio = np.empty((count, width), np.float32) if guards else None
+    maps = np.empty(((planes - 2 * guards) // (1 + edge_aware), count, width), np.float32)
+    scratch = np.empty(
+        2 * planes * (w + 1) + 5 * width + (planes + 2) * (width + 2 * _AT_ONCE), np.float32
+    )
+    black, span = levels
+    loaded.itmo_guide_rows(
+        luma.ctypes.data, luma.strides[0], luma.itemsize, 1 / span, -black / span,
+        height, rows.start, count, width,
+        _at(small), planes, h, w,
+        _at(above), _at(parts), _at(starts), _at(shares),
+        guards, edge_aware, _at(scratch),
+        _at(ratio), _at(maps),
+    )  # fmt: skip
+    return list(maps), ratio
+
+
+def gain_banterle2006(
+    loaded: ctypes.CDLL, luminance: Float32, slope: float, factor: float
+) -> Float32:
+    """A new array, `factor` / (sqrt(rest^2 + slope * luminance) + rest), rest 1 - luminance."""
+    luminance = _whole(luminance)
+    out = np.empty_like(luminance)
+    loaded.itmo_gain_banterle2006(_at(luminance), slope, factor, out.size, _at(out))
+    return out
+
+
+def gain_auto(
+    loaded: ctypes.CDLL,
+    channel: Float32,
+    weight: Float32 | None,
+    gate: tuple[float, float, float, float],
+    stops: float,
+) -> Float32:
+    """2^(stops * weight * (g - low)), 1 where `channel` is not above `gate`'s first: a new array.
+
+    g = 1 / (1 + 2^(slope * (centre - channel))), the channel limited to 1; `gate` is (from, centre,
+    slope, low).
+    """
+    channel = _whole(channel)
+    weight = None if weight is None else _whole(weight)
+    out = np.empty_like(channel)
+    loaded.itmo_gain_auto(_at(channel), _at(weight), *gate, stops, out.size, _at(out))
+    return out
+
+
+def expand(
+    loaded: ctypes.CDLL,
+    rgb: Sequence[Float32],
+    gain: Float32,
+    weight: Float32,
+    base: float,
+    strength: float,
+    out: Half,
+) -> None:
+    """Three planes times 1 + strength * (base + weight * (gain - base) - 1) as halves into `out`.
+
+    All planes are of one shape; `out` holds three. Rounded to the nearest half; what is too large
+    becomes infinite.
+    """
+    gain, weight = _whole(gain), _whole(weight)
+    loaded.itmo_expand(
+        *(_at(plane) for plane in rgb), _at(gain), _at(weight),
+        base, strength, 1 + strength * (base - 1), gain.size,
+        *(_at(plane) for plane in out),
+    )  # fmt: skip
+
+
+@functools.lru_cache(maxsize=8)
+def _columns_between(small_width: int, width: int) -> tuple[npt.NDArray[np.int32], Float32]:
+    """The first column right of the middle of each small one, and each column's share of it."""
+    x = (np.arange(width + _AT_ONCE) + 0.5) * (small_width / width) - 0.5
+    left = np.floor(x)
+    starts = np.searchsorted(left[:width], np.arange(-1, small_width + 1)).astype(np.int32)
+    return starts, (x - left).astype(np.float32)

@@ -1,0 +1,44 @@
+"""The compiled kernels: the shared library, where it was built."""
+
+from __future__ import annotations
+
+import ctypes
+import functools
+import sys
+from pathlib import Path
+
+_VERSION = 8  # of the loops
+
+
+_TYPES = {"p": ctypes.c_void_p, "n": ctypes.c_int64, "f": ctypes.c_float, "d": ctypes.c_double}
+
+
+_ARGUMENTS = {
+    "pack_literals": "pnnpp",
+    "ycbcr_rows": "pppnpn" + "nnnnnnn" + "ppfp" + "ppp",
+    "drive": "pppppnp",
+    "camera_model": "ppppn" + "pndpp",
+    "guided_coefficients": "ppnnnfpp" + "pppp",
+    "guide_rows": "pnnff" + "nnnn" + "pnnn" + "pppp" + "nnp" + "pp",
+    "gain_banterle2006": "pffnp",
+    "gain_auto": "ppfffffnp",
+    "expand": "ppppp" + "fffn" + "ppp",
+}
+
+
+@functools.lru_cache(maxsize=1)
+def library() -> ctypes.CDLL | None:
+    """The compiled library; None where none was built, or one of another version."""
+    path = Path(__file__).with_name("_native.so")
+    if sys.byteorder != "little" or not path.exists():
+        return None
+    try:
+        loaded = ctypes.CDLL(str(path))
+        if loaded.itmo_version() != _VERSION:
+            return None
+    except (OSError, AttributeError):  # another system's, or an old one
+        return None
+    for name, letters in _ARGUMENTS.items():
+        function = getattr(loaded, f"itmo_{name}")
+        function.argtypes, function.restype = [_TYPES[letter] for letter in letters], None
+    return loaded

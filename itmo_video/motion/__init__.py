@@ -1,0 +1,1 @@
+"""What carries the map: cuts, optical flow, keyframes."""

@@ -1,0 +1,174 @@
+"""Optical-flow warping: a map at one frame seen from another, and how far to believe it.
+
+All pictures here are at analysis size. A flow belongs to the frame that it starts from:
+`flow_px[y, x]` is where pixel (x, y) of `here` went in `there`, so a map known at `there` is
+fetched to `here` by looking it up at (x, y) + flow.
+"""
+
+from __future__ import annotations
+
+import threading
+
+import cv2
+import numpy as np
+
+from itmo_video.kernels import compiled, library
+from itmo_video.model import Code, Float32, Float64
+
+AGREEMENT_SIGMA = 6.0  # 8-bit codes: a difference of this size counts for 1/e as much
+AGREEMENT_BLUR_PX = 9
+FLOW_MARGIN = 0.75  # 8-bit codes: a motion must explain the picture better by this much
+CAMERA_SHARE = 0.15  # of the picture: a camera that moves explains at least this much better
+CAMERA_WORSE = 1 / 3  # of that: it explains at most this much worse
+CAMERA_STEP_PX = 12
+CAMERA_SIGMAS_PX = (16.0, 8.0, 4.0, 2.0, 1.0, 0.5, 0.5)  # by rounds; this far off counts a quarter
+CAMERA_RIDGE = 1e-6  # of the weights' sum: texture in a single place leaves no slope
+_local = threading.local()
+
+
+def flow_px(here: Code, there: Code) -> Float32:
+    """Dense DIS flow from `here` to `there`, (H, W, 2) float32 in pixels; 8-bit grey in.
+
+    Where the camera's motion explains the picture as well as the flow does, it is taken, so that
+    noise in flat areas moves nothing and a plain sky goes with the rest of the picture. Pictures
+    too small for DIS (under 16 px) do not move.
+    """
+    if min(here.shape) < 16:
+        return np.zeros((*here.shape, 2), np.float32)
+    # One DIS object shared by threads crashes (facts.md), so each thread keeps its own. A small
+    # picture lowers an object's coarsest scale for good, so another size gets another object.
+    shape, dis = getattr(_local, "dis", (None, None))
+    if shape != here.shape or dis is None:
+        dis = cv2.DISOpticalFlow.create(cv2.DISOPTICAL_FLOW_PRESET_FAST)
+        _local.dis = (here.shape, dis)
+    flow = np.asarray(dis.calc(here, there, None), np.float32)
+    return steadied(here, there, flow)
+
+
+def steadied(here: Code, there: Code, flow: Float32) -> Float32:
+    """The flow, taken back smoothly to the camera's motion where that explains as much.
+
+    The camera stands still unless its motion explains a good part of the picture better, and far
+    less of it worse, than none: a small bright object that moves is not a camera.
+    """
+    camera = camera_motion_px(here, flow)
+    plain = local_difference(here, warp(there, camera))
+    still = local_difference(here, there)
+    better = np.count_nonzero(still - plain > FLOW_MARGIN)
+    if better < CAMERA_SHARE * here.size or (
+        np.count_nonzero(plain - still > FLOW_MARGIN) > CAMERA_WORSE * better
+    ):
+        camera, plain = np.zeros_like(flow), still
+    moved = local_difference(here, warp(there, flow))
+    trust = np.clip((plain - moved) / np.float32(FLOW_MARGIN), 0, 1)
+    trust = cv2.blur(trust, (AGREEMENT_BLUR_PX, AGREEMENT_BLUR_PX))
+    return np.asarray(cv2.blendLinear(flow, camera, trust, 1 - trust), np.float32)
+
+
+def camera_motion_px(here: Code, flow: Float32) -> Float32:
+    """The affine motion that most of a flow's textured places agree on, (H, W, 2) float32.
+
+    Least squares, reweighted by Geman and McClure's function with a falling scale, which leaves out
+    what moves by itself; places without texture have no say. Zero where nothing has texture.
+    """
+    height, width = here.shape
+    y, x = (np.arange(CAMERA_STEP_PX // 2, side, CAMERA_STEP_PX) for side in (height, width))
+    places = np.ix_(y, x)
+    slope = cv2.add(*(cv2.convertScaleAbs(s) for s in cv2.spatialGradient(here)))
+    texture = cv2.blur(slope, (CAMERA_STEP_PX, CAMERA_STEP_PX))[places].ravel().astype(np.float64)
+    if not texture.any():
+        return np.zeros_like(flow)
+    vectors = np.ascontiguousarray(flow[places].reshape(-1, 2).T, np.float64)
+    across, down = (a.ravel() for a in np.meshgrid(x / width - 0.5, y / height - 0.5))
+    model = camera_model(across, down, vectors, texture)
+    # From shares of the picture's sides to pixels.
+    model[1:] /= [[width], [height]]
+    model[0] -= (model[1] * width + model[2] * height) / 2
+    return np.asarray(cv2.transform(_grid(height, width), model[[1, 2, 0]].T), np.float32)
+
+
+def camera_model(across: Float64, down: Float64, vectors: Float64, texture: Float64) -> Float64:
+    """Constant, slope across and slope down (3, 2) of the motion that most places agree on.
+
+    `across`, `down` and `texture` (N,), `vectors` (2, N); reweighted by CAMERA_SIGMAS_PX.
+    """
+    if (loaded := library.library()) is not None:
+        return compiled.camera_model(
+            loaded, across, down, vectors, texture, CAMERA_SIGMAS_PX, CAMERA_RIDGE
+        )
+    terms = np.stack([np.ones(across.size), across, down])
+    # What the normal equations' two sides add up, each place's share a column.
+    products = (terms[:, None] * np.concatenate([terms, vectors])).reshape(15, -1)
+    weight, model = texture, np.zeros((3, 2))
+    for sigma_px in CAMERA_SIGMAS_PX:
+        # einsum, as BLAS may add up in another order on another machine of a cluster
+        sides = np.einsum("kn,n->k", products, weight).reshape(3, 5)
+        normal = sides[:, :3]
+        normal[[1, 2], [1, 2]] += CAMERA_RIDGE * normal[0, 0]
+        model = np.linalg.solve(normal, sides[:, 3:])
+        off = np.square(vectors - np.einsum("in,ij->jn", terms, model)).sum(0)
+        weight = texture / np.square(1 + off / sigma_px**2)
+    return model
+
+
+def warp(image: Code | Float32, flow: Float32) -> Float32:
+    """`image` (there) fetched along `flow` (from here): its shape, bilinear, edges repeated."""
+    how = cv2.INTER_LINEAR | cv2.WARP_RELATIVE_MAP
+    return np.asarray(cv2.remap(image, flow, None, how, borderMode=cv2.BORDER_REPLICATE))
+
+
+def compose(first: Float32, second: Float32) -> Float32:
+    """Flow a to c from a to b and b to c."""
+    return np.asarray(cv2.add(first, warp(second, first)), np.float32)
+
+
+def local_difference(a: Code, b: Code | Float32) -> Float32:
+    """Mean absolute difference in a small square around each pixel, in 8-bit codes."""
+    size = (AGREEMENT_BLUR_PX, AGREEMENT_BLUR_PX)
+    return np.asarray(cv2.boxFilter(cv2.absdiff(a, b), cv2.CV_32F, size), np.float32)
+
+
+def agreement(here: Code, there: Code, flow: Float32) -> Float32:
+    """How well `there`, warped, explains `here`: (H, W) in (0, 1]."""
+    difference = local_difference(here, warp(there, flow))
+    agreed = np.exp(difference * np.float32(-1 / AGREEMENT_SIGMA)) + np.float32(1e-6)
+    return np.asarray(agreed, np.float32)
+
+
+def blend_maps(
+    left: Float32, right: Float32, t: float, w_left: Float32 | float, w_right: Float32 | float
+) -> Float32:
+    """Two maps seen from one frame, by time (t from 0 at left to 1 at right) and agreement."""
+    a, b = np.float32(1 - t) * w_left, np.float32(t) * w_right
+    blended = right - left
+    blended *= spread(np.asarray(b / (a + b), np.float32), left)
+    blended += left
+    return blended
+
+
+def spread(weight: Float32 | float, values: Float32) -> Float32 | float:
+    """A weight (H, W) as it multiplies maps of several channels, (H, W, C)."""
+    if not isinstance(weight, np.ndarray) or weight.ndim in (0, values.ndim):
+        return weight
+    return np.asarray(cv2.merge([weight] * values.shape[2]))  # faster than broadcasting
+
+
+def track_map(
+    here: Code, left: tuple[Code, Float32], right: tuple[Code, Float32], t: float
+) -> Float32:
+    """The map of the frame `here` from the (picture, map) of the keys on its two sides."""
+    seen: list[Float32] = []
+    weights: list[Float32] = []
+    for there, key_map in (left, right):
+        flow = flow_px(here, there)
+        seen.append(warp(key_map, flow))
+        weights.append(agreement(here, there, flow))
+    return blend_maps(seen[0], seen[1], t, weights[0], weights[1])
+
+
+def _grid(height: int, width: int) -> Float32:
+    cached = getattr(_local, "grid", None)
+    if cached is None or cached.shape[:2] != (height, width):
+        x, y = np.meshgrid(np.arange(width), np.arange(height))
+        cached = _local.grid = np.dstack([x, y]).astype(np.float32)
+    return np.asarray(cached)

@@ -1,0 +1,158 @@
+"""The keyframe scheduler: smoothed key maps, and the spans of frames between two keys.
+
+Everything is decided from a bounded window of frames, so any range renders to the same bytes.
+Maps and flows are made in a pool, beside decoding; who needs one waits for it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import Executor, Future
+from dataclasses import dataclass
+
+import numpy as np
+
+from itmo_video.model import Code, Float32
+from itmo_video.motion import flow as flow_room
+from itmo_video.motion.shots import CUT_REACH, Analysed, Placed
+
+
+@dataclass(eq=False)
+class Key:
+    """A keyframe: its picture, its own map, and flows to the neighbouring keys of its shot."""
+
+    placed: Placed
+    raw_map: Future[Float32]
+    to_previous: Future[Float32] | None = None
+    to_next: Future[Float32] | None = None
+
+    @property
+    def grey(self) -> Code:
+        """8-bit grey picture at analysis size."""
+        return self.placed.analysed.grey
+
+
+@dataclass(frozen=True)
+class Span:
+    """Frames [key, ..., next key): the keys' pictures and maps, and the frames to be rendered.
+
+    `right` is None where the span is a single key frame. `flashes` are the indices of frames that
+    have nothing of the keys' maps.
+    """
+
+    left_index: int
+    left: tuple[Code, Future[Float32]]
+    right_index: int | None
+    right: tuple[Code, Future[Float32]] | None
+    frames: tuple[Analysed, ...]
+    flashes: frozenset[int] = frozenset()
+
+
+def lead_in(key_interval: int, smooth_keys: int) -> tuple[int, int]:
+    """How far before a frame's grid position keys, and frames, are needed for it to be the same.
+
+    A key that falls on a flash moves on by up to CUT_REACH, so keys are at most that much further
+    apart than the grid, and one key more may be needed; where it moves is known from two windows.
+    """
+    keys = (smooth_keys + 1) * (key_interval + CUT_REACH)
+    return keys, keys + 2 * (CUT_REACH + 1)
+
+
+def smooth_map(keys: Sequence[Key], at: int, reach: int) -> Float32:
+    """A key's map averaged along motion with up to `reach` keys of its shot to both sides.
+
+    Weighted by how well each warped picture agrees with the key's own; flows are composed from
+    key to key. `keys` are neighbours in one shot, `at` the position of the key wanted.
+    """
+    centre = keys[at]
+    total = centre.raw_map.result().copy()
+    weight = np.ones_like(total)
+    for step in (-1, 1):
+        flow: Float32 | None = None
+        stop = max(-1, at - reach - 1) if step < 0 else min(len(keys), at + reach + 1)
+        for i in range(at + step, stop, step):
+            behind = keys[i - step]
+            link = behind.to_previous if step < 0 else behind.to_next
+            assert link is not None
+            flow = link.result() if flow is None else flow_room.compose(flow, link.result())
+            agreement = flow_room.spread(
+                flow_room.agreement(centre.grey, keys[i].grey, flow), total
+            )
+            total += agreement * flow_room.warp(keys[i].raw_map.result(), flow)
+            weight += agreement
+    return total / weight
+
+
+def spans(
+    placed: Iterable[Placed],
+    make_map: Callable[[Analysed], Float32],
+    smooth_keys: int,
+    first_needed: int,
+    is_wanted: Callable[[Sequence[Analysed]], bool],
+    pool: Executor,
+) -> Iterator[Span]:
+    """Pair the frames with the keys on either side, in order, each key's map made once.
+
+    Keys from index `first_needed` on are made; earlier frames only settled where shots begin.
+    Only spans some of whose frames `is_wanted` come out. What is made in the `pool` waits only for
+    what was given to it before, so one that begins its work in order cannot come to a stop.
+    """
+    shot: list[Key] = []  # the recent keys of the current shot, oldest first
+    waiting: list[tuple[Key, list[Placed]]] = []  # spans whose maps wait for later keys
+    smoothed: dict[int, Future[Float32]] = {}
+
+    def smooth(key: Key) -> Future[Float32]:
+        index = key.placed.analysed.index
+        if index not in smoothed:
+            smoothed[index] = pool.submit(smooth_map, tuple(shot), shot.index(key), smooth_keys)
+        return smoothed[index]
+
+    def ready(count_ahead: int) -> Iterator[Span]:
+        # A span can go once its right key has smooth_keys keys after it, or the shot is over.
+        while len(waiting) >= 2 + count_ahead:
+            (left, frames), (right, _) = waiting[0], waiting[1]
+            if is_wanted([item.analysed for item in frames]):
+                yield _span(left, smooth(left), frames, right, smooth(right))
+            waiting.pop(0)
+            smoothed.pop(left.placed.analysed.index, None)
+            while shot.index(left) > smooth_keys:
+                shot.pop(0)
+
+    for item in placed:
+        if item.analysed.index < first_needed:
+            continue
+        if item.is_key:
+            key = Key(item, pool.submit(make_map, item.analysed))
+            if shot and smooth_keys:
+                key.to_previous = pool.submit(flow_room.flow_px, key.grey, shot[-1].grey)
+                shot[-1].to_next = pool.submit(flow_room.flow_px, shot[-1].grey, key.grey)
+            shot.append(key)
+            waiting.append((key, [item]))
+            yield from ready(smooth_keys)
+        elif waiting:
+            waiting[-1][1].append(item)
+        if item.ends_shot:
+            yield from ready(0)
+            for left, frames in waiting:
+                if is_wanted([item.analysed for item in frames]):
+                    yield _span(left, smooth(left), frames, None, None)
+            waiting.clear()
+            shot.clear()
+            smoothed.clear()
+
+
+def _span(
+    left: Key,
+    left_map: Future[Float32],
+    frames: list[Placed],
+    right: Key | None,
+    right_map: Future[Float32] | None,
+) -> Span:
+    return Span(
+        left.placed.analysed.index,
+        (left.grey, left_map),
+        right.placed.analysed.index if right else None,
+        (right.grey, right_map) if right is not None and right_map is not None else None,
+        tuple(item.analysed for item in frames),
+        frozenset(item.analysed.index for item in frames if item.is_flash),
+    )

@@ -1,0 +1,289 @@
+"""Half-float OpenEXR frames on disk: whole or not there at all, the same bytes every time.
+
+The only module that imports OpenEXR, and only inside functions, so that the names come at once.
+Files are written by us: OpenEXR's own file writer loses the error when its last buffer does not fit
+on the disk, and says no more of a failure than a sentence. It encodes to memory; where we can lay
+the chunks out faster than it does (exr_scanlines) it makes the header only.
+"""
+
+from __future__ import annotations
+
+import io
+import os
+import re
+import sys
+import threading
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from fractions import Fraction
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any, TextIO, cast
+
+import numpy as np
+import numpy.typing as npt
+
+from itmo_video.colour.primaries import nearest_primaries
+from itmo_video.errors import InputError
+from itmo_video.model import Float32, Half
+from itmo_video.output.atomic import StrPath, write_parts, write_whole
+from itmo_video.output.exr_chunks import DamageError, check_chunks, with_window
+from itmo_video.output.exr_scanlines import BLOCK_LINES, scanline_file
+
+Chromaticities = tuple[float, float, float, float, float, float, float, float]
+
+_CONSTANTS = {
+    "none": "NO_COMPRESSION",
+    "rle": "RLE_COMPRESSION",
+    "zips": "ZIPS_COMPRESSION",
+    "zip": "ZIP_COMPRESSION",
+    "piz": "PIZ_COMPRESSION",
+    "pxr24": "PXR24_COMPRESSION",
+    "b44": "B44_COMPRESSION",
+    "dwaa": "DWAA_COMPRESSION",
+    "dwab": "DWAB_COMPRESSION",
+    "htj2k": "HTJ2K256_COMPRESSION",
+    "zstd": "ZSTD_COMPRESSION",
+}
+AP0: Chromaticities = (0.7347, 0.2653, 0.0, 1.0, 0.0001, -0.077, 0.32168, 0.33767)
+
+_NO_LAYERS: Mapping[str, Half | Float32] = MappingProxyType({})
+
+
+@dataclass(frozen=True)
+class ExrHeader:
+    """What a frame's header says beside its size; nothing in it may depend on the run.
+
+    `chromaticities` are x, y of red, green, blue and white; `white_nits` is the luminance of 1.0 in
+    cd/m2; `time_s` the presentation time in seconds; `timecode` is "HH:MM:SS:FF" (";FF" for drop
+    frame). An ACES container (SMPTE ST 2065-4) must be AP0, uncompressed and without layers.
+    """
+
+    compression: str
+    chromaticities: Chromaticities
+    white_nits: float
+    frame_rate: Fraction
+    pixel_aspect: Fraction
+    time_s: Fraction
+    source_name: str
+    fingerprint: str
+    timecode: str | None = None
+    settings_text: str = ""
+    is_aces_container: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class ExrImage:
+    """One image as stored: 2D arrays (height, width) by channel name, attributes by theirs."""
+
+    channels: dict[str, npt.NDArray[Any]]
+    attributes: dict[str, Any]
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """(width, height) of the data window in pixels."""
+        (left, top), (right, bottom) = self.attributes["dataWindow"]
+        return int(right) - int(left) + 1, int(bottom) - int(top) + 1
+
+    @property
+    def primaries(self) -> str:
+        """The name in colour.CHROMATICITIES of its primaries; rec709 where it states none."""
+        stated = self.attributes.get("chromaticities")
+        return "rec709" if stated is None else nearest_primaries(stated)
+
+    @property
+    def fingerprint(self) -> str | None:
+        """The fingerprint that the frame was written with; None in other people's files."""
+        value = self.attributes.get("itmoFingerprint")
+        return value if isinstance(value, str) else None
+
+
+def write_exr(
+    path: StrPath,
+    rgb: tuple[Half, Half, Half],
+    header: ExrHeader,
+    *,
+    alpha: Half | None = None,
+    layers: Mapping[str, Half | Float32] = _NO_LAYERS,
+    durable: bool = False,
+) -> int:
+    """Write one frame under a temporary name, rename it to `path` and return its size in bytes.
+
+    `rgb`, `alpha` (RGB is expected premultiplied by it) and each of `layers` (by full channel name,
+    such as "expand_map.Y"; float16 or float32) are arrays (height, width), written as they are.
+    `durable` waits until file and folder are on the disk. Raises ValueError for arrays or a header
+    that do not fit, and OutputError when the file cannot be written; no temporary file stays.
+    """
+    import OpenEXR
+
+    channels = _checked_channels(rgb, alpha, layers)
+    if header.is_aces_container and (
+        header.compression != "none" or layers or tuple(header.chromaticities) != AP0
+    ):
+        raise ValueError("an ACES container must be uncompressed AP0 without layers")
+    attributes = _attributes(header)
+    encoded = io.BytesIO()
+    if header.compression not in BLOCK_LINES:
+        OpenEXR.File(attributes, channels, num_threads=0).write(encoded)
+        return write_whole(path, encoded.getbuffer(), durable=durable)
+    # OpenEXR writes the header of a picture of one pixel; the chunks are ours.
+    pixels = {name: np.zeros((1, 1), channel.dtype) for name, channel in channels.items()}
+    OpenEXR.File(attributes, pixels, num_threads=0).write(encoded)
+    height, width = channels["R"].shape
+    first = with_window(encoded.getvalue(), width, height)
+    return write_parts(path, scanline_file(first, channels, header.compression), durable=durable)
+
+
+def read_exr(path: StrPath) -> ExrImage:
+    """Read all channels of the first part of `path`; raises InputError unless it is whole."""
+    import OpenEXR
+
+    data = _read_bytes(path)
+    try:
+        check_chunks(data)
+        with _no_prints():
+            file = OpenEXR.File(io.BytesIO(data), separate_channels=True, num_threads=0)
+            # The constructor swallows damage and leaves a file without parts: channels() raises.
+            channels = {name: channel.pixels for name, channel in file.channels().items()}
+    except (DamageError, RuntimeError, ValueError, OSError, MemoryError) as error:
+        reason = str(error) if isinstance(error, DamageError) else "its pixels do not decode"
+        raise InputError(
+            f"not a whole EXR file: {reason}",
+            where=os.fspath(path),
+            remedy="Make or copy the file again.",
+        ) from error
+    return ExrImage(channels, dict(file.header()))
+
+
+def is_whole(path: StrPath) -> bool:
+    """Whether `path` opens and all its channels can be read; False too when it is missing."""
+    try:
+        read_exr(path)
+    except InputError:
+        return False
+    return True
+
+
+def _checked_channels(
+    rgb: tuple[Half, Half, Half], alpha: Half | None, layers: Mapping[str, Half | Float32]
+) -> dict[str, npt.NDArray[Any]]:
+    channels: dict[str, npt.NDArray[Any]] = dict(zip("RGB", rgb, strict=True))
+    if alpha is not None:
+        channels["A"] = alpha
+    for name in layers:
+        if not name or name in ("R", "G", "B", "A"):
+            raise ValueError(f"{name!r} cannot name a layer's channel")
+    for name, array in (*channels.items(), *layers.items()):
+        allowed = (np.float16, np.float32) if name in layers else (np.float16,)
+        if array.ndim != 2 or array.size == 0 or array.shape != rgb[0].shape:
+            raise ValueError(f"channel {name} has shape {array.shape}, R has {rgb[0].shape}")
+        if array.dtype not in allowed:
+            raise ValueError(f"channel {name} is {array.dtype}")
+        # OpenEXR reads strided arrays as if they were contiguous, and keeps what it is handed.
+        channels[name] = np.ascontiguousarray(array)
+    return channels
+
+
+def _attributes(header: ExrHeader) -> dict[str, Any]:
+    import OpenEXR
+
+    if header.compression not in _CONSTANTS:
+        raise ValueError(f"unknown compression {header.compression!r}")
+    attributes: dict[str, Any] = {
+        "type": OpenEXR.scanlineimage,
+        "compression": getattr(OpenEXR, _CONSTANTS[header.compression]),
+        "chromaticities": tuple(float(value) for value in header.chromaticities),
+        "whiteLuminance": float(header.white_nits),
+        "pixelAspectRatio": float(header.pixel_aspect),
+        "itmoTime": _rational(header.time_s),
+        "itmoSource": _utf8(header.source_name),
+        "itmoSettings": _utf8(header.settings_text),
+        "itmoFingerprint": _utf8(header.fingerprint),
+    }
+    if header.frame_rate > 0:
+        attributes["framesPerSecond"] = _rational(header.frame_rate)
+    if (timecode := _timecode(header.timecode)) is not None:
+        attributes["timeCode"] = timecode
+    if header.is_aces_container:
+        attributes["acesImageContainerFlag"] = 1
+    return attributes
+
+
+def _rational(value: Fraction) -> Fraction:
+    """Bring a fraction into EXR's 32 bits (the nearest): OpenEXR would let it wrap around."""
+    if abs(value.numerator) < 2**31 and value.denominator < 2**32:
+        return value
+    return value.limit_denominator(max(1, int((2**31 - 1) / (abs(value) + 1))))
+
+
+def _utf8(text: str) -> str:
+    return text.encode("utf-8", "backslashreplace").decode("utf-8")
+
+
+def _timecode(text: str | None) -> Any:
+    """Make an OpenEXR.TimeCode, or None where SMPTE 12M's fields cannot hold it (FF above 29)."""
+    import OpenEXR
+
+    match = re.fullmatch(r"(\d\d):(\d\d):(\d\d)([:;.])(\d\d)", text or "")
+    if match is None:
+        return None
+    hours, minutes, seconds, separator, frame = match.groups()
+    fields = [int(hours), int(minutes), int(seconds), int(frame), int(separator != ":")]
+    try:  # the 13 others: colour frame, field phase, three group flags, eight binary groups
+        return OpenEXR.TimeCode(*fields, *[0] * 13)
+    except RuntimeError:
+        return None
+
+
+# Reading without noise: OpenEXR prints to standard output and error when a file is cut short.
+
+
+def _read_bytes(path: StrPath) -> bytes:
+    try:
+        return Path(path).read_bytes()
+    except OSError as error:
+        raise InputError(
+            f"cannot be read: {error.strerror}",
+            where=os.fspath(path),
+            remedy="Check the name and the right to read it.",
+        ) from error
+
+
+class _Hush:
+    """Standard output without what `threads` print to it; all else goes through."""
+
+    def __init__(self, stream: TextIO) -> None:
+        self.stream = stream
+        self.threads: set[int] = set()
+
+    def write(self, text: str) -> int:
+        return len(text) if threading.get_ident() in self.threads else self.stream.write(text)
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.stream, name)
+
+
+_hush_lock = threading.Lock()
+
+
+@contextmanager
+def _no_prints() -> Iterator[None]:
+    """Keep OpenEXR's "Warning: ..." out of standard output, where results go, in this thread.
+
+    File descriptor 2 is left alone: it belongs to the whole process, and what the library writes
+    there about rotten (not merely cut) pixels is a diagnostic in its right place.
+    """
+    with _hush_lock:
+        stdout: Any = sys.stdout
+        hush = stdout if isinstance(stdout, _Hush) else _Hush(stdout)
+        sys.stdout = cast(TextIO, hush)
+        hush.threads.add(threading.get_ident())
+    try:
+        yield
+    finally:
+        with _hush_lock:
+            hush.threads.discard(threading.get_ident())
+            stdout = sys.stdout
+            if not hush.threads and stdout is hush:
+                sys.stdout = hush.stream

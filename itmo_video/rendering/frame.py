@@ -1,0 +1,166 @@
+"""From one frame's integer codes to half-float HDR: linear light, map, gain, output primaries."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from itmo_video.colour import linear_light, primaries
+from itmo_video.colour.analysis_picture import analysis_guide
+from itmo_video.colour.luminance import frame_luminance, limited_luminance, luminance_of
+from itmo_video.colour.strips import strip_buffers, strips
+from itmo_video.kernels import compiled, library
+from itmo_video.look import Look, context_of
+from itmo_video.model import Float32, Float64, Frame, Half
+from itmo_video.rendering.guidance import Guidance
+
+HALF_MAX = 65504.0
+_LEAST_FOR_CV2 = 64  # cv2 takes arrays of up to four elements for scalars
+
+
+@dataclass(frozen=True)
+class Rendered:
+    """A finished frame: planar half-float RGB, alpha if any, and the layers that were asked for."""
+
+    rgb: tuple[Half, Half, Half]
+    alpha: Half | None
+    layers: Mapping[str, Half]
+
+
+def render(
+    frame: Frame, map_small: Float32 | None, look: Look, guide: Float32 | None = None
+) -> Rendered:
+    """Expand one frame; `map_small` is its map at analysis size, None for a map of 1 everywhere.
+
+    A map (H, W, 3) weighs each channel by its own; layers then hold eq. 1's mean of the three.
+    `guide` is its `guide.analysis_guide`, where that is at hand.
+
+    The result is LDR + map * (expanded - LDR), written as a gain on linear RGB so that the hue is
+    kept (eq. 3), in the output primaries, in units of SDR white, within half float's range.
+    """
+    settings = look.settings
+    clip = settings.over_white == "clip"
+    width, height = frame.size
+    whole = settings.alpha is not None or look.operator.needs_stats
+    context = context_of(frame_luminance(frame) if whole else None, look)
+    base = 1.0 if look.operator.base is None else look.operator.base(context)
+    matrix = None
+    if settings.primaries != frame.encoding.primaries:
+        matrix = primaries.rgb_to_rgb_matrix(frame.encoding.primaries, settings.primaries)
+    if guide is None:
+        guide = analysis_guide(frame, settings.map_width)
+    gain_channel = look.operator.gain_channel
+    guidance = Guidance(
+        frame,
+        guide,
+        settings,
+        map_small if look.needs_map else None,
+        settings.edge_aware and gain_channel is None,
+    )
+    # A gain of L'max on a pixel of one pure primary may pass what a half can hold.
+    limit = settings.alpha is not None or not clip or 20 * context.l_max > HALF_MAX
+    alpha = _alpha(frame)
+    out = np.empty((3, height, width), np.float16)  # at once: NumPy asks for huge pages
+    layers = {f"{name}.Y": np.empty((height, width), np.float16) for name in settings.layers}
+    is_plain = not (limit or layers) and alpha is None and matrix is None
+    loops = library.library() if is_plain else None
+    for rows in strips(height):
+        rgb = strip_buffers(rows, width)
+        linear_light.strip_to_rgb_linear(frame, rows, clip, rgb)
+        maps, denoise = guidance.rows(rows)
+        if gain_channel is not None:
+            each: Sequence[Float32 | None] = maps or [None] * len(rgb)
+            gains = [
+                gain_channel(plane if denoise is None else plane * denoise, part, context)
+                for plane, part in zip(rgb, each, strict=True)
+            ]
+            for gain in gains:
+                _weighed(gain, [], 1, settings.strength)
+        else:
+            gain = look.operator.gain(limited_luminance(rgb, denoise), context)
+            if loops is not None and len(maps) == 1:
+                compiled.expand(loops, rgb, gain, maps[0], base, settings.strength, out[:, rows])
+                continue
+            gains = _weighed(gain, maps, base if maps else 1, settings.strength)
+        _fill_layers(layers, rows, rgb, gains, maps)
+        if alpha is not None:
+            gains = [part * alpha[rows] for part in gains]
+        _write_strip(rgb, gains, matrix, limit, out[:, rows])
+    half_alpha = None if alpha is None else alpha.astype(np.float16)
+    return Rendered((out[0], out[1], out[2]), half_alpha, layers)
+
+
+def _weighed(gain: Float32, maps: Sequence[Float32], base: float, strength: float) -> list[Float32]:
+    """For each map 1 + strength * (base + map * (gain - base) - 1); `gain` is overwritten.
+
+    Without maps as if there were one of 1. What would leave the picture as it is does so exactly.
+    """
+    if not maps and strength == 1:
+        return [gain]
+    gain -= np.float32(base)
+    weighed = [gain * part for part in maps[1:]]
+    if maps:
+        gain *= maps[0]
+    weighed.insert(0, gain)
+    for part in weighed:
+        if strength != 1:
+            part *= np.float32(strength)
+        part += np.float32(1 + strength * (base - 1))
+    return weighed
+
+
+def _mean_of(parts: Sequence[Float32]) -> Float32:
+    """One plane as it is; of three, those of R, G and B, the mean by eq. 1."""
+    return parts[0] if len(parts) == 1 else luminance_of(parts)
+
+
+def _fill_layers(
+    layers: Mapping[str, Half],
+    rows: slice,
+    rgb: Sequence[Float32],
+    gains: Sequence[Float32],
+    maps: Sequence[Float32],
+) -> None:
+    if "expand_map.Y" in layers:
+        layers["expand_map.Y"][rows] = _mean_of(maps) if maps else 1
+    if "gain.Y" in layers:
+        layers["gain.Y"][rows] = _mean_of(gains)
+    if "clip_mask.Y" in layers:
+        layers["clip_mask.Y"][rows] = _greatest(rgb) >= np.float32(1 - 1e-6)
+
+
+def _greatest(rgb: Sequence[Float32]) -> Float32:
+    return np.maximum(np.maximum(rgb[0], rgb[1]), rgb[2])
+
+
+def _write_strip(
+    rgb: Sequence[Float32],
+    gains: Sequence[Float32],
+    matrix: Float64 | None,
+    limit: bool,
+    out: Half,
+) -> None:
+    each = gains if len(gains) == len(rgb) else [gains[0]] * len(rgb)
+    if matrix is None and not limit and gains[0].size >= _LEAST_FOR_CV2:
+        for plane, gain, target in zip(rgb, each, out, strict=True):
+            cv2.multiply(plane, gain, dst=target, dtype=cv2.CV_16F)
+        return
+    expanded = [plane * gain for plane, gain in zip(rgb, each, strict=True)]
+    if matrix is not None:
+        rows = matrix.astype(np.float32)
+        expanded = [
+            row[0] * expanded[0] + row[1] * expanded[1] + row[2] * expanded[2] for row in rows
+        ]
+    for plane, target in zip(expanded, out, strict=True):
+        target[...] = np.clip(plane, -HALF_MAX, HALF_MAX)
+
+
+def _alpha(frame: Frame) -> Float32 | None:
+    """Alpha in [0, 1]; integer sources have it unassociated, so RGB is multiplied by it."""
+    if not frame.encoding.has_alpha:
+        return None
+    top = np.float32(2**frame.encoding.bit_depth - 1)
+    return np.asarray(np.minimum(frame.planes[-1] / top, 1), np.float32)

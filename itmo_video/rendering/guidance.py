@@ -1,0 +1,147 @@
+"""What a picture's own luma guides: the map at full size, and a luminance free of grain.
+
+Both are guided filters (He and Sun 2015) whose coefficients are found at analysis size and brought
+up a strip of rows at a time, so any strip gives the bytes of the whole frame.
+"""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+from itmo_video.colour.analysis_picture import guide_codes
+from itmo_video.expand_map import density
+from itmo_video.kernels import compiled, library
+from itmo_video.model import Code, Float32, Frame
+from itmo_video.rendering import guided_upsampling
+from itmo_video.settings import Settings
+
+EDGE_EPSILON = 1e-3  # contrasts (squared, of codes 0..1) below this do not bend the map
+SOFTENING = np.array([1, 4, 6, 4, 1], np.float32) / 16  # binomial, a standard deviation of 1 px
+REACH = len(SOFTENING) // 2
+GRAIN_EPSILON = 4e-4  # contrasts below this, 2 % of the code range, count as grain
+GRAIN_RADIUS_PX = 3  # at analysis size
+GAMMA = 2.4  # how luminance goes with the code, for small differences
+
+
+def strip_codes(frame: Frame, rows: slice, wrap_x: bool) -> tuple[Float32, Float32]:
+    """Luma codes of some rows, as `guide_codes`, and the same softened to guide the map.
+
+    A map that follows the picture's last pixel and its grain changes wherever the picture moves by
+    part of a pixel. With `wrap_x` (panoramas) the left and right edges meet.
+    """
+    around = _around(rows, frame.size[1])
+    codes = guide_codes(frame, rows=around)
+    wide = np.pad(codes, ((0, 0), (REACH, REACH)), "wrap") if wrap_x else codes
+    soft = cv2.sepFilter2D(wide, -1, SOFTENING, SOFTENING, borderType=cv2.BORDER_REPLICATE)
+    if wrap_x:
+        soft = soft[:, REACH:-REACH]
+    inner = slice(rows.start - around.start, rows.stop - around.start)
+    return codes[inner], np.asarray(soft.reshape(codes.shape)[inner], np.float32)
+
+
+def _around(rows: slice, height: int) -> slice:
+    """The rows that softening some looks at."""
+    return slice(max(0, rows.start - REACH), min(height, rows.stop + REACH))
+
+
+class Guidance:
+    """A frame's maps, and what frees its luminance of grain, a strip of rows at a time.
+
+    The noise guard keeps grain, banding and block edges out of the curve's argument. The picture
+    keeps its own detail: what is below GRAIN_EPSILON is carried through as it is and not lifted by
+    the curve's slope.
+    """
+
+    def __init__(
+        self,
+        frame: Frame,
+        guide: Float32,
+        settings: Settings,
+        map_small: Float32 | None,
+        edge_aware: bool,
+    ) -> None:
+        """`guide` is its `analysis_guide`; `map_small` (H, W), or (H, W, C) for each channel's."""
+        self._frame = frame
+        self._wraps = settings.projection == "latlong"
+        self._guards = settings.noise_guard
+        self._edge_aware = edge_aware and map_small is not None
+        self._codes: Float32 | None = None
+        small: list[Float32] = []
+        if self._guards:
+            a, b = guided_upsampling.edge_aware_coefficients(
+                guide, guide, GRAIN_RADIUS_PX, GRAIN_EPSILON
+            )
+            small += [(a - np.float32(1)) * np.float32(GAMMA), b * np.float32(GAMMA)]
+        if map_small is not None:
+            maps = [map_small] if map_small.ndim == 2 else list(cv2.split(map_small))
+            for one in maps:
+                small += self._coefficients(one, guide, settings.radius) if edge_aware else [one]
+        self._small = np.stack(small) if small else None
+
+    def _coefficients(
+        self, map_small: Float32, guide: Float32, radius: float
+    ) -> tuple[Float32, Float32]:
+        height, width = map_small.shape
+        radius_px = max(1, round(density.scaled_radius_px(radius, width, height)))
+        pad = min(2 * radius_px, width) if self._wraps else 0
+        map_around = np.pad(map_small, ((0, 0), (pad, pad)), "wrap")
+        guide_around = np.pad(guide, ((0, 0), (pad, pad)), "wrap")
+        a, b = guided_upsampling.edge_aware_coefficients(
+            map_around, guide_around, radius_px, EDGE_EPSILON
+        )
+        return a[:, pad : pad + width], b[:, pad : pad + width]
+
+    def rows(self, rows: slice) -> tuple[list[Float32], Float32 | None]:
+        """The maps of some rows in [0, 1], and smoothed over given luminance in [0.5, 2].
+
+        Float32 (rows, W) each; no maps and None where none are wanted. The guard works on codes,
+        where noise is even; to first order a change of code by a fraction changes luminance by
+        GAMMA times that fraction.
+        """
+        if self._small is None:
+            return [], None
+        width, height = self._frame.size
+        loaded = library.library()
+        if loaded is not None and not self._wraps and (self._guards or self._edge_aware):
+            above, _, part, _ = guided_upsampling.rows_between(
+                rows.start, rows.stop, self._small.shape[1], height
+            )
+            return compiled.guide_rows(
+                loaded,
+                *self._luma(),
+                rows,
+                self._small,
+                (above, part),
+                guards=self._guards,
+                edge_aware=self._edge_aware,
+            )
+        full = list(
+            guided_upsampling.upsample_rows(self._small, rows, (height, width), self._wraps)
+        )
+        if not self._guards and not self._edge_aware:
+            return full, None
+        codes, soft = strip_codes(self._frame, rows, self._wraps)
+        ratio = None
+        if self._guards:
+            ratio, offset = full.pop(0), full.pop(0)
+            ratio *= codes
+            ratio += offset
+            ratio /= np.clip(codes, 0.02, np.inf, out=codes)  # three times as fast as np.maximum
+            np.clip(ratio, -0.5, 1, out=ratio)
+            ratio += np.float32(1)
+        if not self._edge_aware:
+            return full, ratio
+        for a, b in zip(full[::2], full[1::2], strict=True):
+            a *= soft
+            a += b
+            np.clip(a, 0, 1, out=a)
+        return full[::2], ratio
+
+    def _luma(self) -> tuple[Code | Float32, tuple[float, float]]:
+        """The picture's luma in codes, with black and white above it; of RGB made once."""
+        if self._frame.encoding.family != "rgb":
+            return self._frame.planes[0], self._frame.encoding.black_and_span
+        if self._codes is None:
+            self._codes = guide_codes(self._frame)
+        return self._codes, (0.0, 1.0)

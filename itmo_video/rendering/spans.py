@@ -1,0 +1,219 @@
+"""Spans of frames through a bounded pool of threads: decoded in order, keys and rendering apart."""
+
+from __future__ import annotations
+
+import os
+import threading
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import (
+    FIRST_COMPLETED,
+    FIRST_EXCEPTION,
+    Executor,
+    Future,
+    ThreadPoolExecutor,
+    wait,
+)
+from dataclasses import dataclass
+
+import cv2
+
+from itmo_video.colour.analysis_picture import analysis_size
+from itmo_video.errors import DamagedInputError
+from itmo_video.expand_map.key_map import make_key_map
+from itmo_video.look import Look
+from itmo_video.model import Float32, Frame
+from itmo_video.motion import flow, keyframes
+from itmo_video.motion.keyframes import Span
+from itmo_video.motion.shots import CUT_REACH, Analysed, analyse_frame, place
+from itmo_video.rendering.frame import Rendered, render
+from itmo_video.source.opening import Clip
+
+Sink = Callable[[Frame, Rendered], None]
+LookAt = Callable[[int], Look]
+
+
+@dataclass(frozen=True)
+class Run:
+    """Frames rendered from one place of the source: decode from `start`, make keys from `keys`."""
+
+    start: int
+    keys: int
+    wanted: frozenset[int]
+
+    @property
+    def last(self) -> int:
+        """The last index that is wanted."""
+        return max(self.wanted)
+
+
+def default_jobs() -> int:
+    """Worker threads when none are asked for: the cores that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def plan_runs(wanted: Sequence[int], look: Look) -> list[Run]:
+    """Group sorted indices into runs, each with the lead-in that the window needs."""
+    interval, smooth = look.settings.key_reach, look.settings.smooth_reach
+    lead_keys, lead = keyframes.lead_in(interval, smooth)
+    groups: list[list[int]] = []
+    for index in wanted:
+        # A gap shorter than the lead-in is cheaper to decode through than to start anew after.
+        if groups and index - groups[-1][-1] <= lead + interval:
+            groups[-1].append(index)
+        else:
+            groups.append([index])
+    runs = []
+    for group in groups:
+        grid = group[0] - group[0] % interval
+        keys = max(0, grid - lead_keys)
+        runs.append(Run(max(0, grid - lead), keys, frozenset(group)))
+    return runs
+
+
+def frames_in_flight(look: Look, jobs: int) -> int:
+    """Upper bound of the decoded frames that are held at a time, whatever the clip.
+
+    `jobs + 1` spans are handed out; behind them wait the next one and those whose keys its
+    smoothing looks ahead to, then a last key and the window that finds cuts and flashes. Smoothing
+    also keeps keys behind. A flash makes one span longer and the following one as much shorter,
+    but workers may be left with long ones only.
+    """
+    smooth, ahead = look.settings.smooth_reach, CUT_REACH + 2
+    spans = jobs + 2 + smooth
+    longer = (jobs + 1) * CUT_REACH
+    return spans * look.settings.key_reach + longer + smooth + 1 + ahead + 1
+
+
+def memory_bound_bytes(width: int, height: int, bytes_per_code: int, look: Look, jobs: int) -> int:
+    """Upper bound of what frames in flight take: codes that wait, and workers' float planes.
+
+    A worker holds about 14 float planes and its half-float result and file. Decoders keep a rim
+    around their pictures. At analysis size a key has a guide, a grey picture, a map and two flows.
+    """
+    small_width, small_height = analysis_size(width, height, look.settings.map_width)
+    codes = (width + 128) * (height + 64) * 3 * bytes_per_code
+    analysed = small_width * small_height * (4 + 1 + 4 + 2 * 8)
+    waiting = frames_in_flight(look, jobs) * (codes + analysed)
+    return waiting + jobs * width * height * (14 * 4 + 2 * 3 * 2) + (160 << 20)
+
+
+def analysed_frames(clip: Clip, run: Run, look: Look) -> Iterator[Analysed]:
+    """Decode from the run's start, each frame with its pictures at analysis size."""
+    for frame in clip.frames(run.start):
+        yield analyse_frame(frame, look.settings.map_width)
+
+
+def spans_of(
+    clip: Clip, run: Run, look: Look, on_end: Callable[[Exception], None], pool: Executor
+) -> Iterator[Span]:
+    """The run's spans in order, until its last wanted frame; a broken end ends the last shot.
+
+    Their maps are made in the `pool`.
+    """
+
+    def source() -> Iterator[Analysed]:
+        try:
+            yield from analysed_frames(clip, run, look)
+        except DamagedInputError as error:
+            on_end(error)
+
+    def key_map(analysed: Analysed) -> Float32:
+        # Where no map is used the spans still pair frames; nobody looks at what stands in for it.
+        return make_key_map(analysed.frame, look) if look.needs_map else analysed.tiny
+
+    settings = look.settings
+    placed = place(source(), settings.key_reach, run.start)
+    spans = keyframes.spans(
+        placed,
+        key_map,
+        settings.smooth_reach if look.needs_map else 0,
+        run.keys,
+        lambda frames: any(a.index in run.wanted for a in frames),
+        pool,
+    )
+    for span in spans:
+        yield span
+        if span.frames[-1].index >= run.last:
+            return
+
+
+def render_span(
+    span: Span,
+    wanted: frozenset[int],
+    look: Look,
+    sink: Sink,
+    stop: threading.Event,
+    look_at: LookAt | None = None,
+) -> None:
+    """Render the wanted frames of a span and hand each to the sink; see render_frames."""
+    for analysed in span.frames:
+        if analysed.index in wanted and not stop.is_set():
+            map_small = map_between(span, analysed, look) if look.needs_map else None
+            own = look_at(analysed.index) if look_at else look
+            sink(analysed.frame, render(analysed.frame, map_small, own, analysed.guide))
+
+
+def map_between(span: Span, analysed: Analysed, look: Look) -> Float32:
+    """The map of one frame of a span: a key's own, or made from the keys on either side."""
+    index = analysed.index
+    if index in span.flashes:
+        return make_key_map(analysed.frame, look)
+    if span.right is None or span.right_index is None or index == span.left_index:
+        return span.left[1].result()
+    t = (index - span.left_index) / (span.right_index - span.left_index)
+    (left, left_map), (right, right_map) = span.left, span.right
+    if look.settings.temporal == "blend":
+        return flow.blend_maps(left_map.result(), right_map.result(), t, 1.0, 1.0)
+    keys = (left, left_map.result()), (right, right_map.result())
+    return flow.track_map(analysed.grey, *keys, t)
+
+
+def render_frames(
+    clip: Clip,
+    wanted: Sequence[int],
+    look: Look,
+    jobs: int,
+    sink: Sink,
+    look_at: LookAt | None = None,
+    on_planned: Callable[[Sequence[int]], None] = lambda indices: None,
+    on_stop: Callable[[], None] = lambda: None,
+) -> list[DamagedInputError]:
+    """Render the wanted indices (sorted) and hand each to `sink`, called from worker threads.
+
+    `look_at` gives each index the look it is expanded with; keys and maps follow `look` all over
+    the clip, so that a shot's own settings do not reach the frames around it. `on_planned` is told,
+    in presentation order, the indices of each span before it is begun: who wants the frames in
+    order knows by it what to wait for. `on_stop` is called when a worker or the decoder has failed,
+    before the workers still running are waited for. Memory is bounded by jobs and the span's
+    length, whatever the clip's. Returns what cut the source short; raises what a worker or the
+    decoder raised, after the running spans ended.
+    """
+    ended: list[DamagedInputError] = []
+    stop = threading.Event()
+    pending: set[Future[None]] = set()
+
+    def on_end(error: Exception) -> None:
+        assert isinstance(error, DamagedInputError)
+        ended.append(error)
+
+    cv2.setNumThreads(1)
+    pool = ThreadPoolExecutor(jobs, thread_name_prefix="span")
+    try:
+        for run in plan_runs(wanted, look):
+            for span in spans_of(clip, run, look, on_end, pool):
+                while len(pending) > jobs:
+                    finished, pending = wait(pending, return_when=FIRST_COMPLETED)
+                    for future in finished:
+                        future.result()
+                on_planned([a.index for a in span.frames if a.index in run.wanted])
+                pending.add(pool.submit(render_span, span, run.wanted, look, sink, stop, look_at))
+        # A sink may make the others wait for a frame that will not come: the first failure counts.
+        for future in wait(pending, return_when=FIRST_EXCEPTION).done:
+            future.result()
+    except BaseException:
+        stop.set()
+        on_stop()
+        raise
+    finally:
+        pool.shutdown(wait=True, cancel_futures=True)
+    return ended

@@ -1,0 +1,1 @@
+"""A clip, still or image sequence as frames by number."""

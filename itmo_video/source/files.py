@@ -1,0 +1,103 @@
+"""What a file says of itself before its frames are read: container, packets, tags, content.
+
+Nothing but local files in known containers is opened, and no picture larger than the limit.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import stat
+from collections.abc import Sequence
+from pathlib import Path
+
+from itmo_video.errors import AlreadyHdrError, InputError
+from itmo_video.model import Transfer as Transfer
+
+_STILL_MAGIC = (
+    (b"\x89PNG\r\n\x1a\n", "png"), (b"\xff\xd8\xff", "mjpeg"), (b"II*\0", "tiff"),
+    (b"MM\0*", "tiff"), (b"\0\0\0\x0cjP  ", "jpeg2000"), (b"\xff\x4f\xff\x51", "jpeg2000"),
+    (b"SDPX", "dpx"), (b"XPDS", "dpx"), (b"qoif", "qoi"), (b"8BPS", "psd"),
+    (b"P4\n", "pbm"), (b"P5\n", "pgm"), (b"P6\n", "ppm"),
+)  # fmt: skip
+_FLOAT_MAGIC = (b"\x76\x2f\x31\x01", b"#?RADIANCE", b"#?RGBE", b"PF\n", b"Pf\n")
+
+_DIGEST_BLOCK, _DIGEST_WHOLE, _DIGEST_BLOCKS = 1 << 20, 64 << 20, 64
+
+
+# ---- files ----
+
+
+def check_file(path: Path) -> None:
+    """Raise InputError unless there is a readable, regular file with something in it."""
+    try:
+        found = path.stat()
+        with path.open("rb"):
+            pass
+    except FileNotFoundError as error:
+        raise InputError("no such file", where=str(path)) from error
+    except IsADirectoryError as error:
+        raise InputError(
+            "is a folder, not a clip",
+            where=str(path),
+            remedy="For an image sequence give its pattern, such as folder/img.%04d.png.",
+        ) from error
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or str(error)
+        raise InputError(f"cannot be read: {reason}", where=str(path)) from error
+    if not stat.S_ISREG(found.st_mode):
+        raise InputError("is not a regular file", where=str(path))
+    if found.st_size == 0:
+        raise InputError("the file is empty", where=str(path))
+
+
+def still_codec(path: Path) -> str | None:
+    """Name FFmpeg's decoder for a still image by its first bytes, None for anything else.
+
+    Raises AlreadyHdrError for images that hold floats.
+    """
+    with path.open("rb") as file:
+        head = file.read(64)
+        more = head + file.read(4096) if head.startswith(b"\x89PNG") else b""
+    if head.startswith(_FLOAT_MAGIC):
+        raise AlreadyHdrError("it is a floating-point image, so it is HDR already", where=str(path))
+    if head[:4] == b"RIFF" and head[8:12] == b"WEBP":
+        return "webp"
+    if head[:2] == b"BM" and head[6:10] == b"\0\0\0\0":
+        return "bmp"
+    if b"acTL" in more or path.suffix.lower() in (".mjpeg", ".mjpg"):
+        return None
+    return next((codec for magic, codec in _STILL_MAGIC if head.startswith(magic)), None)
+
+
+def content_digest(paths: Sequence[Path]) -> str:
+    """Digest the files' content, not their names: 32 hex digits of BLAKE2b.
+
+    Everything up to 64 MiB in all; beyond that each file's size and 64 evenly spaced blocks of
+    1 MiB (at least two from each file).
+    """
+    digest = hashlib.blake2b(digest_size=16)
+    sizes = [path.stat().st_size for path in paths]
+    count = max(2, _DIGEST_BLOCKS // len(paths))
+    for path, size in zip(paths, sizes, strict=True):
+        digest.update(size.to_bytes(8, "little"))
+        with path.open("rb") as file:
+            if sum(sizes) <= _DIGEST_WHOLE or size <= count * _DIGEST_BLOCK:
+                digest.update(file.read())
+                continue
+            for i in range(count):
+                file.seek(i * (size - _DIGEST_BLOCK) // (count - 1))
+                digest.update(file.read(_DIGEST_BLOCK))
+    return digest.hexdigest()
+
+
+# ---- containers ----
+
+
+def check_pixels(width: int, height: int, max_pixels: int, where: str) -> None:
+    """Raise InputError for pictures that are larger than the limit."""
+    if width * height > max_pixels:
+        raise InputError(
+            f"{width}x{height} is more than {max_pixels} pixels a frame",
+            where=where,
+            remedy="Raise --max-pixels if that is meant.",
+        )

@@ -1,0 +1,63 @@
+"""The frame reader: a clip, still or image sequence as numbered frames of integer codes."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Sequence
+from fractions import Fraction
+from pathlib import Path
+
+from itmo_video.errors import DamagedInputError
+from itmo_video.model import Frame
+from itmo_video.settings import Settings
+from itmo_video.source import files
+from itmo_video.source.clip import Clip as Clip
+from itmo_video.source.clip import Resampled
+from itmo_video.source.stills import StillClip, is_pattern, sequence
+from itmo_video.source.tags import InputOptions
+from itmo_video.source.video import VideoClip
+
+
+def open_clip(path: str | Path, options: InputOptions | None = None) -> Clip:
+    """Open a video file, a still image or a numbered sequence (`img.%04d.png`, `img.####.png`).
+
+    With `options.fps` it is resampled to that rate. Raises InputError when it cannot be read and
+    AlreadyHdrError when it is HDR already.
+    """
+    options = options or InputOptions()
+    absolute = Path(os.path.abspath(path))
+    clip: Clip
+    if not os.path.lexists(absolute) and is_pattern(absolute):
+        clip = StillClip(absolute, sequence(absolute), options)
+    else:
+        files.check_file(absolute)
+        if files.still_codec(absolute):
+            clip = StillClip(absolute, {0: absolute}, options)
+        else:
+            clip = VideoClip(absolute, options)
+    return clip if options.fps is None else Resampled(clip, Fraction(options.fps))
+
+
+def frames_at(clip: Clip, indices: Sequence[int]) -> Iterator[Frame]:
+    """The clip's frames at rising indices; raises DamagedInputError where one does not decode."""
+    frames = clip.frames(indices[0]) if indices else iter(())
+    for index in indices:
+        frame = next((found for found in frames if found.index >= index), None)
+        if frame is None or frame.index != index:
+            raise DamagedInputError(
+                f"frame {index} of the source does not decode", where=clip.info.path
+            )
+        yield frame
+
+
+def input_options(settings: Settings, max_pixels: int = 2**27) -> InputOptions:
+    """The part of the settings that says how the source is read."""
+    return InputOptions(
+        transfer=settings.transfer,
+        matrix=settings.matrix,
+        range=settings.range,
+        force_sdr=settings.force_sdr,
+        deinterlace=settings.deinterlace,
+        max_pixels=max_pixels,
+        fps=settings.frame_rate,
+    )

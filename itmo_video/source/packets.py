@@ -1,0 +1,187 @@
+"""A container's video stream: opened safely, its packets scanned without decoding."""
+
+from __future__ import annotations
+
+import os
+from bisect import bisect_right
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+import av
+import numpy as np
+
+from itmo_video.errors import InputError
+from itmo_video.source.files import check_pixels
+
+# No playlists and no demuxer that opens a second file: those could read other local files.
+CONTAINERS = (
+    "mov,mp4,m4a,3gp,3g2,mj2,matroska,webm,avi,mpeg,mpegts,mpegvideo,mxf,ogg,flv,asf,gif,apng,"
+    "ivf,h264,hevc,av1,obu,m4v,mjpeg,yuv4mpegpipe,nut,wtv,dv,rm,mpjpeg,ingenient,vc1,swf,roq,smk,"
+    "bink,flic,nsv,gxf,h263,h261,mjpeg_2000,evc,vvc,amv,r3d,dirac,cavsvideo,pmp,film_cpk,mp3,aac,"
+    "wav,flac,w64,aiff,caf,ac3,eac3,dts,truehd,amr,au,voc,tta,ape,wv"
+)
+
+# Tags that are not UTF-8 keep their bytes (as surrogates), as PyAV does by itself from 19 on.
+TAG_ERRORS: dict[str, Any] = (
+    {"metadata_errors": "surrogateescape"} if int(av.__version__.split(".")[0]) < 19 else {}
+)
+
+
+@dataclass(frozen=True)
+class Packets:
+    """The frames of a stream by their packets, found without decoding.
+
+    `pts` are those of the frames, sorted, in ticks; `order` maps every packet's pts to its place
+    in the file and its size. `keys` are (place, pts, dts) of the packets at which decoding can
+    start. Not `is_exact`: stamps are missing, not unique or no times of presentation, so frames
+    must be counted by decoding. `declared` is how many frames the container speaks of, None where
+    it does not.
+    """
+
+    pts: tuple[int, ...]
+    order: Mapping[int, tuple[int, int]]
+    keys: tuple[tuple[int, int, int], ...]
+    is_exact: bool
+    declared: int | None = None
+
+    def index_of(self, pts: int | None) -> int | None:
+        """Give the frame's number by its pts, None for a stamp that no packet has."""
+        if pts is None:
+            return None
+        at = bisect_right(self.pts, pts) - 1
+        return at if at >= 0 and self.pts[at] == pts else None
+
+
+@contextmanager
+def open_video(path: Path, max_pixels: int) -> Iterator[tuple[Any, Any]]:
+    """Open a container and its first video stream, ready to decode: (container, stream).
+
+    Raises InputError when it cannot be opened, has no video, is encrypted, its codec is unknown
+    or its frames are larger than `max_pixels`.
+    """
+    where = str(path)
+    options = {
+        "protocol_whitelist": "file",
+        "format_whitelist": CONTAINERS,
+        "max_pixels": decoder_limit(max_pixels),
+    }
+    try:
+        # An absolute path, so that a colon in the name is not taken for a protocol.
+        container = av.open(os.path.abspath(path), options=options, **TAG_ERRORS)
+    except (av.FFmpegError, OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or str(error)
+        raise InputError(f"is not a video that can be read ({reason})", where=where) from error
+    try:
+        stream = _video_stream(container, where)
+        _prepare_decoder(stream, max_pixels, where)
+        yield container, stream
+    finally:
+        container.close()
+
+
+def decoder_limit(max_pixels: int) -> str:
+    """FFmpeg's own limit: with room for the padding that it counts in, as ours is exact."""
+    return str(min(2 * max_pixels + (1 << 20), 2**31 - 1))
+
+
+def read_packets(container: Any, stream: Any) -> Iterator[Any]:
+    """Yield a stream's packets up to the end or to where reading fails."""
+    while True:
+        try:
+            yield from container.demux(stream)
+        except IndexError:  # PyAV 18 at a stream that begins later on; reading can go on behind it
+            continue
+        except (av.FFmpegError, OSError):
+            pass
+        return
+
+
+def scan_packets(container: Any, stream: Any) -> Packets:
+    """Read all packets without decoding: which frames there are, and where decoding can start.
+
+    Damage ends the scan without an error: what was read until there is what there is.
+    """
+    stamps: list[int | None] = []
+    shown: list[int] = []
+    order: dict[int, tuple[int, int]] = {}
+    keys: list[tuple[int, int, int]] = []
+    is_unique, discarded = True, 0
+    codec = str(stream.codec_context.name)
+    for packet in read_packets(container, stream):
+        if packet.size == 0:
+            continue
+        pts, place = packet.pts, len(stamps)
+        if _is_hidden(packet, codec):
+            continue
+        stamps.append(pts)
+        is_unique = is_unique and pts is not None and pts not in order
+        if pts is not None:
+            order[pts] = (place, packet.size)
+            if packet.is_keyframe:
+                keys.append((place, pts, pts if packet.dts is None else packet.dts))
+            if not packet.is_discard:
+                shown.append(pts)
+        discarded += packet.is_discard
+    declared = _declared_frames(container, stream, len(stamps), shown)
+    if declared is not None:
+        declared -= discarded
+    return Packets(tuple(sorted(shown)), order, tuple(keys), is_unique, declared)
+
+
+def _video_stream(container: Any, where: str) -> Any:
+    videos = [s for s in container.streams if s.type == "video"]
+    videos = [s for s in videos if "attached_pic" not in str(s.disposition).lower()]
+    if not videos:
+        raise InputError("there is no video in it", where=where)
+    usable = [s for s in videos if s.codec_context is not None]
+    if not usable:
+        raise InputError("its video codec is unknown, nothing here decodes it", where=where)
+    return usable[0]
+
+
+def _prepare_decoder(stream: Any, max_pixels: int, where: str) -> None:
+    context = stream.codec_context
+    if str(context.codec_tag) in ("encv", "drmi"):
+        raise InputError("it is encrypted", where=where)
+    check_pixels(context.width, context.height, max_pixels, where)
+    context.thread_type = "AUTO"
+    options = {"max_pixels": decoder_limit(max_pixels)}
+    if context.name == "h264":
+        # Else a stream that does not tell its delay has frames dropped near wherever one starts.
+        options["strict"] = "1"
+    context.options = options
+
+
+def _is_hidden(packet: Any, codec: str) -> bool:
+    """Whether a VP8 packet is a reference that is never shown (RFC 6386, 9.1)."""
+    return codec == "vp8" and not memoryview(packet)[0] & 0x10
+
+
+def _declared_frames(container: Any, stream: Any, count: int, pts: list[int]) -> int | None:
+    name = str(container.format.name)
+    if name.startswith("mov"):
+        return max(len(stream.index_entries), count)
+    if name == "avi" and stream.frames:
+        return max(int(stream.frames), count)
+    length = stream.metadata.get("DURATION", "")  # Matroska; written when the file was finished
+    rate = stream.average_rate
+    if not length or not rate or not pts:
+        return None
+    try:
+        hours, minutes, seconds = (Fraction(part) for part in length.split(":"))
+    except ValueError:
+        return None
+    until = (max(pts) + (packet_step(pts) or 0)) * Fraction(stream.time_base)
+    missing = (hours * 3600 + minutes * 60 + seconds - until) * rate
+    return count + (round(missing) if missing >= 1.5 else 0)
+
+
+def packet_step(pts: Sequence[int]) -> int | None:
+    """Give the middle distance of sorted or unsorted stamps in ticks, None for fewer than two."""
+    if len(pts) < 2:
+        return None
+    return int(np.median(np.diff(np.sort(np.asarray(pts, np.int64)))))
