@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 from itmo_video.model import Float32
 from itmo_video.operators import (
@@ -15,6 +16,8 @@ from itmo_video.operators import (
     resolve_params,
 )
 from itmo_video.settings import Settings
+
+_OF_MAP = ("lights", "min_lights", "soft_lights")  # and the radius, which guards look at, too
 
 
 @dataclass(frozen=True)
@@ -29,6 +32,32 @@ class Look:
     def needs_map(self) -> bool:
         """Whether the Expand Map weighs the result."""
         return self.settings.expand_map and self.operator.uses_map
+
+    def settings_in_use(self) -> dict[str, Any]:
+        """The settings that this look's frames depend on, plain values by name.
+
+        What is derived is resolved and the operator's parameters are all there; what the operator
+        or another setting leaves without effect is not.
+        """
+        settings, operator = self.settings, self.operator
+        values = settings.as_dict() | {"operator_params": dict(self.params)}
+        idle = {name for name, value in values.items() if value in (None, [], {})}
+        if not self.needs_map:
+            idle |= {*_OF_MAP, "edge_aware", "key_interval", "temporal", "smooth_keys"}
+            if not settings.noise_guard:
+                idle |= {"radius", "map_width", "projection"}
+        elif operator.make_map_rgb is not None:
+            idle |= {*_OF_MAP, "edge_aware"}
+            idle |= set() if settings.noise_guard else {"radius"}
+        if settings.temporal == "per-frame":
+            idle.add("key_interval")
+        if settings.temporal != "tracked":
+            idle.add("smooth_keys")
+        if settings.l_max is not None:
+            idle.add("peak_nits")
+        if not operator.uses_l_white:
+            idle.add("l_white")
+        return {name: value for name, value in values.items() if name not in idle}
 
 
 def make_look(settings: Settings) -> Look:

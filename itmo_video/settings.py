@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from fractions import Fraction
@@ -14,6 +15,7 @@ COMPRESSIONS = (
     "none", "rle", "zips", "zip", "piz", "pxr24", "b44", "dwaa", "dwab", "htj2k", "zstd",
 )  # fmt: skip
 LAYERS = ("expand_map", "clip_mask", "gain")
+_TIMECODE = re.compile(r"([01]\d|2[0-3]):[0-5]\d:[0-5]\d[:;][0-5]\d")
 OUTPUT_PRIMARIES = ("rec709", "rec2020", "acescg", "aces2065-1")
 
 
@@ -152,6 +154,15 @@ class Settings:
         (), tuple, f"extra EXR layers, comma-separated: {', '.join(LAYERS)}",
         metavar="NAME,...",
     )  # fmt: skip
+    owner: str | None = setting(
+        None, str, "owner of the pictures, in each EXR's header", metavar="TEXT"
+    )
+    comments: str | None = setting(None, str, "comments in each EXR's header", metavar="TEXT")
+    timecode: str | None = setting(
+        None, str, "timecode of the clip's first frame, HH:MM:SS:FF (;FF for drop frame), or auto: "
+        "the source's, else frame numbers counted at the frame rate (default: the source's)",
+        metavar="TC",
+    )  # fmt: skip
 
     def __post_init__(self) -> None:
         for f in dataclasses.fields(self):
@@ -163,6 +174,11 @@ class Settings:
                 continue
             object.__setattr__(self, f.name, spec.check(flag_name(f.name), value))
         _ = self.frame_rate  # raises where it is no rate
+        if self.timecode not in (None, "auto") and not _TIMECODE.fullmatch(str(self.timecode)):
+            raise UsageError(
+                f"timecode must be HH:MM:SS:FF or auto, not {self.timecode!r}",
+                remedy="Drop-frame timecode has a semicolon before the frames: 01:00:00;00.",
+            )
         if self.lights & (self.lights - 1):
             raise UsageError(f"lights must be a power of two, not {self.lights}")
         if unknown := [name for name in self.layers if name not in LAYERS]:

@@ -46,6 +46,11 @@ def add_convert(commands: Any) -> None:
     convert.add_argument(
         "--report", action="store_true", help="also write OUTPUT_DIR/report.html about it"
     )
+    convert.add_argument(
+        "--side-files", metavar="KIND,...",
+        help="also write, beside the frames, nuke (a Read node), usd (a dome light of a panorama), "
+        "ocio (a rule for a config)",
+    )  # fmt: skip
     convert.set_defaults(run=_convert)
 
 
@@ -54,6 +59,7 @@ def _convert(args: argparse.Namespace) -> int:
     from itmo_video.conversion.plan import RunOptions
 
     settings = settings_of(args)
+    kinds = _side_files(args, settings)
     run = RunOptions(
         args.frames, start_number(args), args.jobs, args.overwrite, args.update, args.durable,
         args.null, args.max_pixels, read_analysis(args.analysis) if args.analysis else None,
@@ -62,12 +68,27 @@ def _convert(args: argparse.Namespace) -> int:
     for source, output in _outputs(args.inputs, args.output):
         try:
             _convert_one(args, source, output, settings, run)
+            if kinds and not (args.verify or args.dry_run):
+                from itmo_video.delivery.side_files import write_side_files
+
+                write_side_files(output, kinds)
         except ItmoError as error:
             if len(args.inputs) == 1:
                 raise
             # One bad input of many must not keep the others from being made.
             code = max(code, reported(error))
     return code
+
+
+def _side_files(args: argparse.Namespace, settings: Settings) -> list[str]:
+    kinds = [part for part in (args.side_files or "").split(",") if part]
+    if kinds:
+        from itmo_video.delivery.side_files import check_kinds
+
+        check_kinds(kinds, settings.projection)
+        if args.null:
+            raise UsageError("side files need the frames", remedy="Leave --null or them out.")
+    return kinds
 
 
 def _outputs(inputs: list[str], output: str) -> list[tuple[str, str]]:

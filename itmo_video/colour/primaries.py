@@ -30,6 +30,14 @@ CHROMATICITIES: dict[str, tuple[float, ...]] = {
 }
 """rx, ry, gx, gy, bx, by, wx, wy of each set of primaries, sources' and outputs'."""
 
+INTEROP_IDS: dict[str, str] = {
+    "rec709": "lin_rec709_scene",
+    "rec2020": "lin_rec2020_scene",
+    "acescg": "lin_ap1_scene",
+    "aces2065-1": "lin_ap0_scene",
+}
+"""Linear light in these primaries as the Color Interop Forum names it (ASWF, 2025)."""
+
 _BRADFORD = np.array(
     [[0.8951, 0.2664, -0.1614], [-0.7502, 1.7135, 0.0367], [0.0389, -0.0685, 1.0296]]
 )

@@ -6,19 +6,19 @@ import json
 from fractions import Fraction
 from pathlib import Path
 
-from itmo_video.colour.primaries import CHROMATICITIES
+from itmo_video.colour.primaries import CHROMATICITIES, INTEROP_IDS
 from itmo_video.conversion import timecode
 from itmo_video.conversion.plan import Plan
+from itmo_video.model import ClipInfo
 from itmo_video.output import exr
+from itmo_video.settings import Settings
 
 
 def exr_header(plan: Plan, number: int, time_s: Fraction) -> exr.ExrHeader:
     """The header of one frame's file."""
-    settings, info = plan.look_at(plan.numbers[number]).settings, plan.clip
+    look, info = plan.look_at(plan.numbers[number]), plan.clip
+    settings = look.settings
     chromaticities = CHROMATICITIES[settings.primaries]
-    code = None
-    if info.timecode is not None:
-        code = timecode.advance(info.timecode, plan.numbers[number], info.frame_rate)
     return exr.ExrHeader(
         compression=settings.compression,
         chromaticities=(
@@ -31,10 +31,27 @@ def exr_header(plan: Plan, number: int, time_s: Fraction) -> exr.ExrHeader:
         time_s=time_s,
         source_name=Path(info.path).name,
         fingerprint=plan.fingerprint(number),
-        settings_text=json.dumps(settings.as_dict(), sort_keys=True),
-        timecode=code,
+        settings_text=json.dumps(look.settings_in_use(), sort_keys=True),
+        timecode=frame_timecode(settings, info, plan.numbers[number], number),
+        interop_id=INTEROP_IDS[settings.primaries],
+        owner=settings.owner,
+        comments=settings.comments,
         # SMPTE ST 2065-4 wants AP0, uncompressed half, and nothing but the picture.
         is_aces_container=settings.primaries == "aces2065-1"
         and settings.compression == "none"
         and not settings.layers,
     )  # fmt: skip
+
+
+def frame_timecode(settings: Settings, info: ClipInfo, index: int, number: int) -> str | None:
+    """A frame's timecode: as the settings ask, else the source's own, counted on; None for none.
+
+    `auto` gives a source without timecode its frame numbers, counted from 00:00:00:00.
+    """
+    if settings.timecode not in (None, "auto"):
+        return timecode.advance(str(settings.timecode), index, info.frame_rate)
+    if info.timecode is not None:
+        return timecode.advance(info.timecode, index, info.frame_rate)
+    if settings.timecode == "auto":
+        return timecode.advance("00:00:00:00", number, info.frame_rate)
+    return None

@@ -23,7 +23,7 @@ from itmo_video.rendering import spans
 from itmo_video.settings import Settings
 from itmo_video.source.opening import Clip
 
-ALGORITHM = 4  # raise it whenever the same settings give other pixels
+ALGORITHM = 5  # raise it whenever the same settings give other pixels
 
 
 @dataclass(frozen=True)
@@ -139,8 +139,25 @@ def make_plan(clip: Clip, look: Look, run: RunOptions) -> Plan:
     width, height = info.display_size
     wide = 1 if info.encoding.bit_depth == 8 else 2
     memory = spans.memory_bound_bytes(width, height, wide, look, jobs)
+    _check_timecode(info, look.settings)
     shots = shot_looks(info, look.settings, run.analysis)
     return Plan(info, look, numbers, first, memory, jobs, shots)
+
+
+def _check_timecode(info: ClipInfo, settings: Settings) -> None:
+    code, base = settings.timecode, max(1, round(info.frame_rate))
+    if code is None:
+        return
+    if base > 30:
+        raise UsageError(
+            f"EXR's timeCode counts 30 frames a second at most, the clip has {info.frame_rate}",
+            where=info.path,
+            remedy="Leave --timecode out.",
+        )
+    if code != "auto" and int(code[-2:]) >= base:
+        raise UsageError(f"timecode {code}: at {base} fps there is no frame {code[-2:]}")
+    if code != "auto" and code[-3] == ";" and base != 30:
+        raise UsageError(f"drop-frame timecode is for 29.97 fps, the clip has {info.frame_rate}")
 
 
 def shot_looks(info: ClipInfo, base: Settings, analysis: Analysis | None) -> tuple[ShotLook, ...]:

@@ -96,6 +96,8 @@ class Operator:
     With `channel_maps` it is given R, G and B, linear, one after another in luminance's place, and
     each channel is weighed by its own map.
 
+    `uses_alpha` and `uses_l_white` tell which of the context it reads.
+
     An operator that needs more than luminance has two functions instead: `make_map_rgb(rgb_linear,
     context, wrap_x)` makes maps of R, G and B from linear RGB, both float32 (H, W, 3) at analysis
     size, and `gain_channel(channel, map, context)` the gain of one channel from itself and its
@@ -109,6 +111,7 @@ class Operator:
     parameters: Mapping[str, Parameter] = field(default_factory=dict)
     uses_map: bool = True
     uses_alpha: bool = False
+    uses_l_white: bool = False
     needs_stats: bool = False
     curve: Curve | None = None
     make_map: Callable[[Float32, Context], Float32] | None = None

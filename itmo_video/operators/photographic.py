@@ -70,6 +70,7 @@ OPERATORS = (
         f"{_PAPER}, eq. 11 and 13",
         gain_banterle2006,
         uses_alpha=True,
+        uses_l_white=True,
         curve=curve_banterle2006,
     ),
     Operator(

@@ -57,7 +57,8 @@ class ExrHeader:
 
     `chromaticities` are x, y of red, green, blue and white; `white_nits` is the luminance of 1.0 in
     cd/m2; `time_s` the presentation time in seconds; `timecode` is "HH:MM:SS:FF" (";FF" for drop
-    frame). An ACES container (SMPTE ST 2065-4) must be AP0, uncompressed and without layers.
+    frame); `interop_id` is the Color Interop Forum's name of the colour space, "" for none. An ACES
+    container (SMPTE ST 2065-4) must be AP0, uncompressed and without layers.
     """
 
     compression: str
@@ -70,6 +71,9 @@ class ExrHeader:
     fingerprint: str
     timecode: str | None = None
     settings_text: str = ""
+    interop_id: str = ""
+    owner: str | None = None
+    comments: str | None = None
     is_aces_container: bool = False
 
 
@@ -205,6 +209,11 @@ def _attributes(header: ExrHeader) -> dict[str, Any]:
         attributes["framesPerSecond"] = _rational(header.frame_rate)
     if (timecode := _timecode(header.timecode)) is not None:
         attributes["timeCode"] = timecode
+    if header.interop_id:
+        attributes["colorInteropID"] = header.interop_id
+    for name, text in (("owner", header.owner), ("comments", header.comments)):
+        if text is not None:
+            attributes[name] = _utf8(text)
     if header.is_aces_container:
         attributes["acesImageContainerFlag"] = 1
     return attributes
