@@ -19,7 +19,7 @@ Family = Literal["ycbcr", "rgb", "grey"]
 Matrix = Literal["bt709", "bt601", "bt2020"]
 Range = Literal["limited", "full"]
 Transfer = Literal["bt1886", "srgb", "gamma22", "linear", "pq", "hlg"]
-Primaries = Literal["rec709", "rec601_525", "rec601_625", "rec2020", "p3d65"]
+Primaries = Literal["rec709", "rec601_525", "rec601_625", "rec2020", "p3d65", "adobergb"]
 ChromaSiting = Literal[
     "left", "center", "topleft", "top", "right", "topright", "bottomleft", "bottom", "bottomright"
 ]

@@ -735,12 +735,13 @@ def test_grey_alpha_and_palette_pngs(tmp_path):
             assert int(frame.planes[3][0, 0]) == 0x80
 
 
-def test_jpeg_is_full_range_601(tmp_path):
+def test_jpeg_comes_as_srgb(tmp_path):
     image = np.full((32, 48, 3), (40, 90, 200), np.uint8)
     clip = open_clip(write_image(tmp_path / "a.jpg", image))
     enc = clip.info.encoding
-    assert (enc.family, enc.matrix, enc.range, enc.siting) == ("ycbcr", "bt601", "full", "center")
-    assert enc.transfer == "srgb"
+    assert (enc.family, enc.range, enc.transfer, enc.primaries) == ("rgb", "full", "srgb", "rec709")
+    told = open_clip(tmp_path / "a.jpg", InputOptions(matrix="bt709")).info.notices
+    assert any("left out" in notice for notice in told)
     got = np.stack(linear_light.to_rgb_code(next(clip.frames())), -1) * 255
     np.testing.assert_allclose(got, np.broadcast_to((200, 90, 40), got.shape), atol=1.5)
 

@@ -25,6 +25,7 @@ CHROMATICITIES: dict[str, tuple[float, ...]] = {
     "rec601_625": (0.64, 0.33, 0.29, 0.60, 0.15, 0.06, *_D65),
     "rec2020": (0.708, 0.292, 0.170, 0.797, 0.131, 0.046, *_D65),
     "p3d65": (0.680, 0.320, 0.265, 0.690, 0.150, 0.060, *_D65),
+    "adobergb": (0.64, 0.33, 0.21, 0.71, 0.15, 0.06, *_D65),
     "acescg": (0.713, 0.293, 0.165, 0.830, 0.128, 0.044, *_ACES_WHITE),  # AP1
     "aces2065-1": (0.7347, 0.2653, 0.0, 1.0, 0.0001, -0.077, *_ACES_WHITE),  # AP0
 }
@@ -75,11 +76,17 @@ def rgb_to_rgb_matrix(source: str, target: str) -> Float64:
     to_xyz, from_xyz = rgb_to_xyz_matrix(source), np.linalg.inv(rgb_to_xyz_matrix(target))
     if CHROMATICITIES[source][6:] == CHROMATICITIES[target][6:]:
         return np.asarray(from_xyz @ to_xyz, np.float64)
-    ratio = _white_cone(target) / _white_cone(source)
-    adapt = np.linalg.solve(_BRADFORD, ratio[:, None] * _BRADFORD)
+    adapt = white_adaptation(white_xyz(source), white_xyz(target))
     return np.asarray(from_xyz @ adapt @ to_xyz, np.float64)
 
 
-def _white_cone(primaries: str) -> Float64:
+def white_xyz(primaries: str) -> Float64:
+    """XYZ of a set of primaries' white, Y = 1."""
     x, y = CHROMATICITIES[primaries][6:]
-    return np.asarray(_BRADFORD @ np.array([x / y, 1, (1 - x - y) / y]), np.float64)
+    return np.array([x / y, 1, (1 - x - y) / y])
+
+
+def white_adaptation(source_xyz: Float64, target_xyz: Float64) -> Float64:
+    """3x3 float64 from XYZ under one white to XYZ under another, by Bradford's cone responses."""
+    ratio = (_BRADFORD @ target_xyz) / (_BRADFORD @ source_xyz)
+    return np.linalg.solve(_BRADFORD, ratio[:, None] * _BRADFORD)

@@ -10,16 +10,7 @@ import stat
 from collections.abc import Sequence
 from pathlib import Path
 
-from itmo_video.errors import AlreadyHdrError, InputError
-from itmo_video.model import Transfer as Transfer
-
-_STILL_MAGIC = (
-    (b"\x89PNG\r\n\x1a\n", "png"), (b"\xff\xd8\xff", "mjpeg"), (b"II*\0", "tiff"),
-    (b"MM\0*", "tiff"), (b"\0\0\0\x0cjP  ", "jpeg2000"), (b"\xff\x4f\xff\x51", "jpeg2000"),
-    (b"SDPX", "dpx"), (b"XPDS", "dpx"), (b"qoif", "qoi"), (b"8BPS", "psd"),
-    (b"P4\n", "pbm"), (b"P5\n", "pgm"), (b"P6\n", "ppm"),
-)  # fmt: skip
-_FLOAT_MAGIC = (b"\x76\x2f\x31\x01", b"#?RADIANCE", b"#?RGBE", b"PF\n", b"Pf\n")
+from itmo_video.errors import InputError
 
 _DIGEST_BLOCK, _DIGEST_WHOLE, _DIGEST_BLOCKS = 1 << 20, 64 << 20, 64
 
@@ -48,25 +39,6 @@ def check_file(path: Path) -> None:
         raise InputError("is not a regular file", where=str(path))
     if found.st_size == 0:
         raise InputError("the file is empty", where=str(path))
-
-
-def still_codec(path: Path) -> str | None:
-    """Name FFmpeg's decoder for a still image by its first bytes, None for anything else.
-
-    Raises AlreadyHdrError for images that hold floats.
-    """
-    with path.open("rb") as file:
-        head = file.read(64)
-        more = head + file.read(4096) if head.startswith(b"\x89PNG") else b""
-    if head.startswith(_FLOAT_MAGIC):
-        raise AlreadyHdrError("it is a floating-point image, so it is HDR already", where=str(path))
-    if head[:4] == b"RIFF" and head[8:12] == b"WEBP":
-        return "webp"
-    if head[:2] == b"BM" and head[6:10] == b"\0\0\0\0":
-        return "bmp"
-    if b"acTL" in more or path.suffix.lower() in (".mjpeg", ".mjpg"):
-        return None
-    return next((codec for magic, codec in _STILL_MAGIC if head.startswith(magic)), None)
 
 
 def content_digest(paths: Sequence[Path]) -> str:

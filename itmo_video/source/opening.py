@@ -11,8 +11,11 @@ from itmo_video.errors import DamagedInputError
 from itmo_video.model import Frame
 from itmo_video.settings import Settings
 from itmo_video.source import files
+from itmo_video.source.animation import AnimationClip
+from itmo_video.source.animation_times import timing
 from itmo_video.source.clip import Clip as Clip
 from itmo_video.source.clip import Resampled
+from itmo_video.source.still_reading import kind_of
 from itmo_video.source.stills import StillClip, is_pattern, sequence
 from itmo_video.source.tags import InputOptions
 from itmo_video.source.video import VideoClip
@@ -31,10 +34,13 @@ def open_clip(path: str | Path, options: InputOptions | None = None) -> Clip:
         clip = StillClip(absolute, sequence(absolute), options)
     else:
         files.check_file(absolute)
-        if files.still_codec(absolute):
-            clip = StillClip(absolute, {0: absolute}, options)
-        else:
+        kind = kind_of(absolute)
+        if kind is None:
             clip = VideoClip(absolute, options)
+        elif (timed := timing(absolute.read_bytes(), kind)) is not None:
+            clip = AnimationClip(absolute, kind, timed, options)
+        else:
+            clip = StillClip(absolute, {0: absolute}, options)
     return clip if options.fps is None else Resampled(clip, Fraction(options.fps))
 
 

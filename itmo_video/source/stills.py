@@ -1,4 +1,4 @@
-"""Still images and numbered sequences as clips (PyAV's image decoders)."""
+"""Still images and numbered sequences as clips."""
 
 from __future__ import annotations
 
@@ -7,16 +7,15 @@ import re
 from collections.abc import Iterator
 from fractions import Fraction
 from pathlib import Path
-from typing import Any, cast
-
-import av
 
 from itmo_video.errors import DamagedInputError, InputError
 from itmo_video.model import ClipInfo, Frame
-from itmo_video.source import packets, tags
+from itmo_video.source import still_colour
 from itmo_video.source.clip import Clip
-from itmo_video.source.files import check_file, check_pixels, content_digest, still_codec
-from itmo_video.source.planes import Turn, picture_of, pixel_form, upright
+from itmo_video.source.files import check_file, content_digest
+from itmo_video.source.planes import upright
+from itmo_video.source.still_picture import StillPicture
+from itmo_video.source.still_reading import kind_of, read_still
 from itmo_video.source.tags import InputOptions
 
 STILL_RATE = Fraction(24)  # images have no rate of their own
@@ -29,45 +28,45 @@ def is_pattern(path: Path) -> bool:
 
 
 class StillClip(Clip):
-    """Images by index; each one is read by its own tags, as encoders vary the format."""
+    """Images by index; each one is read by its own tags and depth, as encoders vary the format.
+
+    An image that is not whole is a gap, and `faults` says why, by index. One of another size than
+    the first, or with alpha where the first has none, ends the clip.
+    """
 
     def __init__(self, path: Path, files: dict[int, Path], options: InputOptions) -> None:
         self._path, self._files, self._options = path, dict(sorted(files.items())), options
-        self._alpha: bool | None = None
-        self._size: tuple[int, int] | None = None
+        self.faults: dict[int, str] = {}
         self._first = min(files)
-        is_single = list(files.values()) == [path]
-        for index, file in self._files.items():
-            found = self._read(index, file)
-            if found is not None:
-                break
-            if is_single:
-                raise InputError(
-                    f"cannot be decoded: damaged, or more than {options.max_pixels} pixels",
-                    where=str(path),
-                )
-        else:
-            raise InputError("none of its images can be decoded", where=str(path))
-        frame, picture, turn, told = found
+        self._is_single = list(files.values()) == [path]
+        found = next(filter(None, (self._read(n, file) for n, file in self._files.items())), None)
+        if found is None:
+            reason = next(iter(self.faults.values()))
+            raise InputError(f"none of its images can be decoded: {reason}", where=str(path))
+        frame, picture, told = found
         self._alpha, self._size = frame.encoding.has_alpha, frame.size
         count = max(self._files) - self._first + 1
-        notices = list(told)
+        notices = [*picture.notices, *told]
+        turn = picture.turn
         if turn != (0, False):
             notices.append(
                 f"turned upright: {'mirrored, then ' * turn[1]}{turn[0]} degrees clockwise"
             )
-        if not is_single:
-            notices.append(f"images have no frame rate: assumed {STILL_RATE}")
+        if not self._is_single:
+            notices.append(f"images have no frame rate: assumed {STILL_RATE} (--fps sets another)")
             if len(files) < count:
-                notices.append(f"{count - len(files)} numbers of the sequence are missing")
+                gaps = sorted(set(range(self._first, self._first + count)) - set(self._files))
+                named = ", ".join(map(str, gaps[:8])) + ", ..." * (len(gaps) > 8)
+                notices.append(f"{len(gaps)} numbers of the sequence are missing: {named}")
+        width, height = picture.size
         self.info = ClipInfo(
             path=str(path),
-            stem=path.stem if is_single else _sequence_stem(path),
-            container="image" if is_single else "image sequence",
-            codec=str(still_codec(self._files[self._first + frame.index])),
-            pixel_format=pixel_form(picture),
-            width=picture.width,
-            height=picture.height,
+            stem=path.stem if self._is_single else _sequence_stem(path),
+            container="image" if self._is_single else "image sequence",
+            codec=picture.codec,
+            pixel_format=picture.form,
+            width=width,
+            height=height,
             frames=count,
             frame_rate=STILL_RATE,
             duration_s=count / STILL_RATE,
@@ -79,7 +78,7 @@ class StillClip(Clip):
             timecode=None,
             encoding=frame.encoding,
             digest=content_digest(list(self._files.values())),
-            first_number=None if is_single else self._first,
+            first_number=None if self._is_single else self._first,
             notices=tuple(notices),
         )
 
@@ -106,53 +105,28 @@ class StillClip(Clip):
         """Presentation time at the assumed rate."""
         return index / STILL_RATE
 
-    def _read(self, number: int, file: Path) -> tuple[Frame, Any, Turn, tuple[str, ...]] | None:
+    def _read(self, number: int, file: Path) -> tuple[Frame, StillPicture, tuple[str, ...]] | None:
         """One image as a frame, with what it was decoded to; None when it does not decode."""
+        index = number - self._first
         try:
             check_file(file)
-            codec = still_codec(file)
-        except InputError:
-            if len(self._files) == 1:
+            kind = kind_of(file)
+            if kind is None:
+                raise InputError("it is no image of a known format", where=str(file))
+            picture = read_still(file, kind, self._options.max_pixels)
+        except InputError as error:
+            if self._is_single:
                 raise
+            self.faults[index] = f"{file.name}: {error.what}"
             return None
-        if codec is None:
+        except DamagedInputError as error:
+            if self._is_single:
+                raise InputError(f"cannot be decoded: {error.what}", where=str(file)) from error
+            self.faults[index] = f"{file.name}: {error.what}"
             return None
-        data = file.read_bytes()
-        decoded = _decode_still(data, codec, self._options.max_pixels, str(file))
-        if decoded is None:
-            return None
-        check_pixels(decoded.width, decoded.height, self._options.max_pixels, str(file))
-        picture = picture_of(file, decoded)
-        encoding, told = tags.resolve_encoding(
-            tags.read_tags(decoded),
-            self._options,
-            family=picture.family,
-            bit_depth=picture.bit_depth,
-            has_alpha=picture.has_alpha,
-            is_full_format="yuvj" in decoded.format.name or picture.family != "ycbcr",
-            is_still=True,
-            codec=codec,
-            lines=decoded.height,
-            where=str(file),
-        )
-        turn = tags.exif_turn(data)
-        planes, encoding = upright(picture.planes, turn, encoding)
-        index = number - self._first
-        is_damaged = bool(decoded.is_corrupt)
-        return Frame(index, index / STILL_RATE, planes, encoding, is_damaged), decoded, turn, told
-
-
-def _decode_still(data: bytes, codec: str, max_pixels: int, where: str) -> Any:
-    if codec == "png" and data[12:16] == b"IHDR":
-        width, height = (int.from_bytes(data[at : at + 4], "big") for at in (16, 20))
-        check_pixels(width, height, max_pixels, where)
-    try:
-        context = cast(Any, av.CodecContext.create(codec, "r"))
-        context.options = {"max_pixels": packets.decoder_limit(max_pixels)}
-        frames = context.decode(av.Packet(data)) or context.decode(None)
-    except (av.FFmpegError, EOFError, ValueError):
-        return None
-    return frames[0] if frames else None
+        done, encoding, told = still_colour.resolve(picture, self._options, str(file))
+        planes, encoding = upright(done.planes, picture.turn, encoding)
+        return Frame(index, index / STILL_RATE, planes, encoding), picture, told
 
 
 def sequence(path: Path) -> dict[int, Path]:

@@ -71,7 +71,7 @@ def find_facts(path: Path, options: InputOptions) -> tuple[StreamFacts, Iterator
             or (picture.family == "grey" and codec not in _LIMITED_GREY),
             is_still=container_name in ("gif", "apng"),
             codec=codec,
-            lines=first.height,
+            size=(first.width, first.height),
             where=str(path),
         )
         turn = tags.frame_turn(first)

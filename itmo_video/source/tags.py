@@ -22,7 +22,7 @@ from itmo_video.model import (
     Transfer,
 )
 
-HD_LINES = 720  # untagged pictures from this height up are taken for BT.709
+HD_WIDTH, SD_LINES = 1280, 576  # untagged: BT.709 from this width, or above this height
 
 # FFmpeg's numbers, which are those of ITU-T H.273.
 _MATRICES: dict[int, Matrix] = {
@@ -60,12 +60,14 @@ class InputOptions:
 
 @dataclass(frozen=True)
 class Tags:
-    """FFmpeg's numbers for colour; 2 or 0 where nothing is said."""
+    """FFmpeg's numbers for colour; 2 or 0 where nothing is said, or what a profile names."""
 
     matrix: int = 2
     range: int = 0
     transfer: int = 2
     primaries: int = 2
+    named_transfer: Transfer | None = None
+    named_primaries: Primaries | None = None
 
 
 def read_tags(frame: Any, context: Any = None) -> Tags:
@@ -93,7 +95,7 @@ def resolve_encoding(
     is_full_format: bool,
     is_still: bool,
     codec: str,
-    lines: int,
+    size: tuple[int, int],
     where: str,
 ) -> tuple[Encoding, tuple[str, ...]]:
     """Decide how codes are read, by the user's word, the tags or what is usual; and say so.
@@ -128,7 +130,8 @@ def resolve_encoding(
         )
     if tags.matrix in _NEAR_MATRICES and family == "ycbcr" and options.matrix == "auto":
         told.append(f"matrix {_NEAR_MATRICES[tags.matrix]} is read as {_MATRICES[tags.matrix]}")
-    usual_matrix = "bt709" if lines >= HD_LINES and codec not in ("mjpeg", "webp") else "bt601"
+    is_hd = size[0] >= HD_WIDTH or size[1] > SD_LINES  # mpv's rule, and so of most players
+    usual_matrix = "bt709" if is_hd and codec != "mjpeg" and not is_still else "bt601"
     is_full = family != "ycbcr" or is_full_format
     # A limited tag on RGB or on a grey image is nearly always a default that was never meant.
     range_tag = None if family == "rgb" or (family == "grey" and is_still) else tags.range
@@ -152,12 +155,15 @@ def resolve_encoding(
             choose(
                 "transfer",
                 set_transfer,
-                _TRANSFERS.get(tags.transfer),
+                _TRANSFERS.get(tags.transfer, tags.named_transfer),
                 "srgb" if is_still or family == "rgb" else "bt1886",
             ),
         ),
         primaries=cast(
-            Primaries, choose("primaries", "auto", _PRIMARIES.get(tags.primaries), "rec709")
+            Primaries,
+            choose(
+                "primaries", "auto", _PRIMARIES.get(tags.primaries, tags.named_primaries), "rec709"
+            ),
         ),
         siting=_siting(codec),
         has_alpha=has_alpha,
@@ -172,11 +178,6 @@ def _siting(codec: str) -> ChromaSiting:
 
 
 # ---- orientation ----
-
-_EXIF_TURNS = {
-    2: (0, True), 3: (180, False), 4: (180, True), 5: (270, True), 6: (90, False), 7: (90, True),
-    8: (270, False),
-}  # fmt: skip
 
 
 def matrix_turn(matrix: Sequence[int]) -> tuple[int, bool]:
@@ -199,25 +200,4 @@ def frame_turn(frame: Any) -> tuple[int, bool]:
                 return matrix_turn(np.frombuffer(bytes(side), np.int32).tolist())
     except ValueError:  # PyAV 18 does not know every kind of side data
         return round(-frame.rotation / 90) % 4 * 90, False
-    return 0, False
-
-
-def exif_turn(data: bytes) -> tuple[int, bool]:
-    """(degrees clockwise, mirrored first) of a JPEG, PNG, WebP or TIFF file's Exif orientation."""
-    start = 0 if data[:4] in (b"II*\0", b"MM\0*") else data.find(b"Exif\0\0") + 6
-    if start == 5:
-        marker = b"eXIf" if data.startswith(b"\x89PNG") else b"EXIF"
-        start = data.find(marker) + (4 if marker == b"eXIf" else 8)
-        if start in (3, 7):
-            return 0, False
-    block = data[start:]
-    if block[:4] not in (b"II*\0", b"MM\0*"):
-        return 0, False
-    end = cast("Any", "little" if block[:2] == b"II" else "big")
-    table = int.from_bytes(block[4:8], end)
-    count = int.from_bytes(block[table : table + 2], end)
-    for i in range(min(count, 200)):
-        entry = block[table + 2 + 12 * i : table + 14 + 12 * i]
-        if int.from_bytes(entry[:2], end) == 0x0112:
-            return _EXIF_TURNS.get(int.from_bytes(entry[8:10], end), (0, False))
     return 0, False

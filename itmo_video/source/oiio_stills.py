@@ -1,0 +1,131 @@
+"""Stills by OpenImageIO: PNG, JPEG, TIFF, JPEG 2000, DPX, BMP, PNM and PSD, in 8 and 16 bits.
+
+The only module that imports OpenImageIO, and only inside functions: most runs read films.
+"""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from itmo_video.errors import AlreadyHdrError, DamagedInputError, InputError
+from itmo_video.source.files import check_pixels
+from itmo_video.source.still_formats import StillFormat
+from itmo_video.source.still_picture import (
+    StillColour,
+    StillPicture,
+    exif_turn,
+    split,
+    straight,
+)
+
+_MOST_CHANNELS = 8
+_DPX_TRANSFERS = {1: 9, 2: 8, 3: 9, 5: 1, 6: 1, 7: 1, 8: 1, 9: 1, 10: 1}  # SMPTE 268M to H.273
+
+
+def read_still(path: Path, kind: StillFormat, max_pixels: int) -> StillPicture | None:
+    """Decode a still whole; None where its colours are inks (CMYK), which need a profile.
+
+    Raises DamagedInputError where it is not whole, InputError for more than `max_pixels` (before
+    they are allocated) and for pixels that are no picture, AlreadyHdrError for floats.
+    """
+    import OpenImageIO
+
+    where = str(path)
+    config = OpenImageIO.ImageSpec()
+    config.attribute("oiio:UnassociatedAlpha", 1)
+    reader = OpenImageIO.ImageInput.open(os.fspath(path), config)
+    if reader is None:
+        raise DamagedInputError(_reason(OpenImageIO.geterror()), where=where)
+    try:
+        spec = reader.spec()
+        _check(spec, max_pixels, where)
+        if _is_inks(spec):
+            return None
+        notices = _several(reader, kind)
+        reader.seek_subimage(0, 0)
+        is_eight = spec.format.basetype == OpenImageIO.UINT8
+        wanted = OpenImageIO.UINT8 if is_eight else OpenImageIO.UINT16
+        pixels = reader.read_image(0, 0, 0, spec.nchannels, wanted)
+        fault = reader.geterror()
+    finally:
+        reader.close()
+    if pixels is None or fault:
+        raise DamagedInputError(_reason(fault), where=where)
+    return _picture(kind, spec, np.asarray(pixels), 8 if is_eight else 16, notices, path)
+
+
+def _check(spec: Any, max_pixels: int, where: str) -> None:
+    width, height = spec.width, spec.height
+    if width < 1 or height < 1 or spec.depth > 1:
+        raise DamagedInputError(f"it has no size ({width}x{height}x{spec.depth})", where=where)
+    check_pixels(width, height, max_pixels, where)
+    form = str(spec.format)
+    if form in ("half", "float", "double"):
+        raise AlreadyHdrError(f"its pixels are floating-point ({form}): it is HDR", where=where)
+    if form.startswith("int"):
+        raise InputError(f"its pixels have signs ({form}), so they are no picture", where=where)
+    if spec.nchannels > _MOST_CHANNELS:
+        raise InputError(f"it has {spec.nchannels} channels, so it is no picture", where=where)
+
+
+def _is_inks(spec: Any) -> bool:
+    names = ("tiff:ColorSpace", "jpeg:ColorSpace", "psd:ColorMode")
+    return any(spec.get_string_attribute(name) in ("CMYK", "YCCK") for name in names)
+
+
+def _several(reader: Any, kind: StillFormat) -> tuple[str, ...]:
+    if kind != "tiff" or not reader.seek_subimage(1, 0):
+        reader.geterror()
+        return ()
+    return ("it has several pages: the first one is read",)
+
+
+def _picture(
+    kind: StillFormat, spec: Any, pixels: Any, bits: int, notices: tuple[str, ...], path: Path
+) -> StillPicture:
+    planes = split(pixels)
+    count = spec.nchannels
+    colours = 3 if count >= 3 else 1
+    alpha_at = spec.alpha_channel
+    has_alpha = colours <= alpha_at < count
+    if kind == "bmp" and has_alpha and not planes[alpha_at].any():
+        has_alpha = False  # the fourth byte of old headers means nothing
+    if count > colours + has_alpha:
+        notices += (f"only {colours + has_alpha} of its {count} channels are read",)
+    planes = (*planes[:colours], *((planes[alpha_at],) if has_alpha else ()))
+    is_straight = kind != "tiff" or spec.get_int_attribute("oiio:UnassociatedAlpha", 0) == 1
+    if has_alpha and not is_straight:
+        planes, bits = straight(planes, bits), 16
+        notices += ("its colours come multiplied by alpha: divided",)
+    profile = spec.getattribute("ICCProfile")
+    return StillPicture(
+        codec=kind,
+        form=f"{'rgb' if colours == 3 else 'grey'}{'a' * has_alpha}{bits}",
+        family="rgb" if colours == 3 else "grey",
+        bit_depth=bits,
+        planes=planes,
+        has_alpha=has_alpha,
+        turn=exif_turn(spec.get_int_attribute("Orientation", 1)),
+        colour=StillColour(
+            icc=None if profile is None else bytes(profile),
+            cicp=_dpx_tags(path) if kind == "dpx" else None,
+        ),
+        notices=notices,
+    )
+
+
+def _dpx_tags(path: Path) -> tuple[int, int, int, int] | None:
+    """The transfer of a DPX's first element by H.273's numbers (SMPTE 268M, byte 801)."""
+    with path.open("rb") as file:
+        head = file.read(802)
+    transfer = _DPX_TRANSFERS.get(head[801]) if len(head) > 801 else None
+    return None if transfer is None else (2, transfer, 2, 1)
+
+
+def _reason(told: str) -> str:
+    first = told.strip().splitlines()[0] if told.strip() else ""
+    return f"it does not decode ({first})" if first else "it does not decode"

@@ -1,0 +1,152 @@
+"""Stills and animations by Pillow (WebP, GIF, APNG, AVIF, QOI, inks) and pillow-heif (HEIC).
+
+The only module that imports them, and only inside functions. Pillow's readers are made directly,
+not by `Image.open`, whose limit of pixels belongs to the whole process.
+"""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import numpy as np
+
+from itmo_video.errors import DamagedInputError, InputError
+from itmo_video.source.files import check_pixels
+from itmo_video.source.still_formats import StillFormat
+from itmo_video.source.still_picture import StillColour, StillPicture, exif_turn, split, straight
+
+# Whatever a library raises for a file it was handed: the file is at fault, not we.
+_FAULTS = (
+    OSError, SyntaxError, ValueError, TypeError, KeyError, IndexError, EOFError, RuntimeError,
+    OverflowError, ZeroDivisionError, AttributeError, MemoryError, AssertionError,
+)  # fmt: skip
+
+
+@contextmanager
+def opened(data: bytes, kind: StillFormat, max_pixels: int, where: str) -> Iterator[Any]:
+    """A Pillow image of a file's bytes, not decoded yet; its size is within the limit."""
+    from PIL import (
+        AvifImagePlugin,
+        GifImagePlugin,
+        Image,
+        JpegImagePlugin,
+        PngImagePlugin,
+        QoiImagePlugin,
+        TiffImagePlugin,
+        WebPImagePlugin,
+    )
+
+    readers: dict[str, Any] = {
+        "avif": AvifImagePlugin.AvifImageFile,
+        "gif": GifImagePlugin.GifImageFile,
+        "apng": PngImagePlugin.PngImageFile,
+        "webp": WebPImagePlugin.WebPImageFile,
+        "qoi": QoiImagePlugin.QoiImageFile,
+        "jpeg": JpegImagePlugin.JpegImageFile,
+        "tiff": TiffImagePlugin.TiffImageFile,
+    }
+    with decoding(where):
+        image = readers[kind](io.BytesIO(data))
+    try:
+        check_pixels(image.width, image.height, max_pixels, where)
+        with decoding(where, (Image.DecompressionBombError,)):
+            yield image
+    finally:
+        image.close()
+
+
+@contextmanager
+def decoding(where: str, also: tuple[type[BaseException], ...] = ()) -> Iterator[None]:
+    """Turn what a library raises into DamagedInputError."""
+    faults: tuple[type[BaseException], ...] = (*_FAULTS, *also)
+    try:
+        yield
+    except faults as error:
+        told = str(error).splitlines()
+        reason = f" ({told[0]})" if told and told[0] else ""
+        raise DamagedInputError(f"it does not decode{reason}", where=where) from error
+
+
+def read_still(data: bytes, kind: StillFormat, max_pixels: int, where: str) -> StillPicture:
+    """Decode a still, or an animation's first frame; DamagedInputError where it is not whole."""
+    if kind == "heif":
+        return _heif(data, max_pixels, where)
+    with opened(data, kind, max_pixels, where) as image:
+        return picture(image, kind)
+
+
+def picture(image: Any, kind: StillFormat) -> StillPicture:
+    """A Pillow image's current frame as planes of 8 bits, or of 16 for grey."""
+    has_alpha = image.mode in ("LA", "PA", "RGBA", "RGBa", "La") or "transparency" in image.info
+    if image.mode.startswith("I;16"):
+        pixels, bits, colours = np.asarray(image).astype(np.uint16), 16, 1
+    else:
+        grey = image.mode in ("L", "LA", "1") and "transparency" not in image.info
+        mode = ("LA" if has_alpha else "L") if grey else ("RGBA" if has_alpha else "RGB")
+        pixels, bits, colours = np.asarray(image.convert(mode)), 8, 1 if grey else 3
+    planes = split(pixels)
+    return StillPicture(
+        codec=kind,
+        form=f"{'grey' if colours == 1 else 'rgb'}{'a' * has_alpha}{bits}",
+        family="grey" if colours == 1 else "rgb",
+        bit_depth=bits,
+        planes=planes,
+        has_alpha=has_alpha,
+        turn=exif_turn(image.getexif().get(0x0112)),
+        colour=StillColour(icc=image.info.get("icc_profile")),
+    )
+
+
+def _heif(data: bytes, max_pixels: int, where: str) -> StillPicture:
+    import pillow_heif
+
+    with decoding(where):
+        file = pillow_heif.open_heif(
+            io.BytesIO(data), convert_hdr_to_8bit=False, hdr_to_16bit=False
+        )
+        image: Any = file[file.primary_index]
+        width, height = image.size
+    check_pixels(width, height, max_pixels, where)
+    with decoding(where):
+        mode, _, depth = image.mode.partition(";")
+        bits = int(depth or 8)
+        pixels = np.asarray(image)
+    has_alpha = mode.endswith(("A", "a"))
+    colours = 3 if mode.startswith(("RGB", "BGR")) else 1
+    planes = split(pixels)
+    if has_alpha and (image.premultiplied_alpha or mode.endswith("a")):
+        planes, bits = straight(planes, bits), 16
+    nclx: dict[str, Any] = image.info.get("nclx_profile") or {}
+    numbers = ("color_primaries", "transfer_characteristics", "matrix_coefficients")
+    cicp = tuple(int(nclx[name]) for name in numbers) if nclx else None
+    return StillPicture(
+        codec="heif",
+        form=f"{'rgb' if colours == 3 else 'grey'}{'a' * has_alpha}{bits}",
+        family="rgb" if colours == 3 else "grey",
+        bit_depth=bits,
+        planes=planes,
+        has_alpha=has_alpha,
+        colour=StillColour(
+            icc=image.info.get("icc_profile"),
+            cicp=None if cicp is None else (cicp[0], cicp[1], cicp[2], 1),
+        ),
+    )
+
+
+def read_inks(data: bytes, kind: StillFormat, max_pixels: int, where: str) -> tuple[Any, bytes]:
+    """A CMYK picture of 8 bits as Pillow's image, and its profile; InputError without one."""
+    if kind not in ("jpeg", "tiff"):
+        raise InputError(f"its colours are inks (CMYK), which a {kind} is not read in", where=where)
+    with opened(data, kind, max_pixels, where) as image:
+        image.load()
+        profile = image.info.get("icc_profile")
+        if image.mode != "CMYK" or not profile:
+            raise InputError(
+                "its colours are inks (CMYK) and no profile says what they look like",
+                where=where,
+                remedy="Convert it to RGB in the program it comes from, and give that.",
+            )
+        return image.copy(), bytes(profile)

@@ -1,0 +1,140 @@
+"""What a still's codes stand for: by the user's word, its code points, its profile, or sRGB."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from itmo_video.colour.primaries import CHROMATICITIES
+from itmo_video.errors import AlreadyHdrError
+from itmo_video.model import Code, Encoding, Primaries, Transfer
+from itmo_video.source import icc, lut_profile, tags
+from itmo_video.source.still_picture import StillPicture
+from itmo_video.source.tags import InputOptions, Tags
+
+_PNG_PRIMARIES: tuple[Primaries, ...] = ("rec709", "p3d65", "adobergb", "rec2020")
+
+
+def resolve(
+    picture: StillPicture, options: InputOptions, where: str
+) -> tuple[StillPicture, Encoding, tuple[str, ...]]:
+    """The picture, converted where its profile is of no known space, its encoding, and notices.
+
+    Raises AlreadyHdrError for PQ, HLG and log code points that the user does not overrule.
+    """
+    told: list[str] = []
+    found = Tags()
+    colour = picture.colour
+    if colour.icc is not None:
+        picture, found = _by_profile(picture, colour.icc, options, told)
+    elif colour.cicp is not None:
+        primaries, transfer, matrix, _ = colour.cicp
+        found = Tags(matrix=matrix if picture.family == "ycbcr" else 2, range=2)
+        found = replace(found, transfer=transfer, primaries=primaries)
+        if transfer == 8:  # linear light of integers, whose white is 1: no HDR
+            found = replace(found, transfer=2, named_transfer="linear")
+    else:
+        found = Tags(named_transfer=_png_transfer(colour.gamma), named_primaries=_png_xy(colour.xy))
+    try:
+        encoding, more = tags.resolve_encoding(
+            found,
+            options,
+            family=picture.family,
+            bit_depth=picture.bit_depth,
+            has_alpha=picture.has_alpha,
+            is_full_format=True,
+            is_still=True,
+            codec=picture.codec,
+            size=picture.size,
+            where=where,
+        )
+    except AlreadyHdrError as error:
+        if picture.codec != "dpx":
+            raise
+        raise AlreadyHdrError(
+            "its header says that its codes are logarithmic: film density or a camera's log",
+            where=where,
+            remedy="Convert it to display-referred SDR first (OpenColorIO's cineon or camera "
+            "transform); if the tag is wrong, --transfer srgb.",
+        ) from error
+    if picture.family != "ycbcr" and (options.matrix != "auto" or options.range != "auto"):
+        told.append("the matrix and range that are set are left out: the picture comes as RGB")
+    return picture, encoding, (*told, *more)
+
+
+def _by_profile(
+    picture: StillPicture, data: bytes, options: InputOptions, told: list[str]
+) -> tuple[StillPicture, Tags]:
+    try:
+        profile = icc.read_profile(data)
+        if profile.space not in ("RGB", "GRAY"):
+            raise icc.ProfileError(f"it is of {profile.space}, the picture is not")
+        if profile.space == "GRAY" and picture.family != "grey":
+            raise icc.ProfileError("it is of grey, the picture is not")
+        curve, primaries = icc.named_curve(profile), icc.named_primaries(profile)
+        if options.transfer != "auto" and (curve is None or primaries is None):
+            told.append("its ICC profile is left out, as the transfer is set")
+            return picture, Tags(named_primaries=primaries)
+        if picture.family == "grey" and profile.curves is not None:
+            return _grey(picture, profile, curve)
+        if curve is not None and primaries is not None:
+            return picture, Tags(named_transfer=curve, named_primaries=primaries)
+        return _converted(picture, profile, told)
+    except icc.ProfileError as error:
+        told.append(f"its ICC profile is not used: {error}")
+        return picture, Tags()
+
+
+def _grey(
+    picture: StillPicture, profile: icc.Profile, curve: Transfer | None
+) -> tuple[StillPicture, Tags]:
+    if curve is not None:
+        return picture, Tags(named_transfer=curve, named_primaries="rec709")
+    grey = icc.to_srgb_curve(profile, picture.planes[0], picture.bit_depth)
+    planes = (grey, *(_sixteen(plane, picture.bit_depth) for plane in picture.planes[1:]))
+    tagged = Tags(named_transfer="srgb", named_primaries="rec709")
+    return replace(picture, planes=planes, bit_depth=16), tagged
+
+
+def _converted(
+    picture: StillPicture, profile: icc.Profile, told: list[str]
+) -> tuple[StillPicture, Tags]:
+    colours, alpha = picture.planes[: 1 if picture.family == "grey" else 3], picture.planes[-1:]
+    bits = picture.bit_depth
+    if profile.has_tables:
+        image = lut_profile.image_of(colours, bits)
+        done, out_bits = lut_profile.to_rec2020(image, profile.data), 8
+        if bits > 8:
+            told.append("its ICC profile has tables, which are applied in 8 bits")
+    else:
+        done, out_bits = icc.to_rec2020(profile, colours, bits), 16
+    if picture.has_alpha:
+        wide = _sixteen(alpha[0], bits)
+        done = (*done, wide if out_bits == 16 else np.asarray(wide >> 8, np.uint8))
+    told.append("its ICC profile is applied: Rec. 2020 primaries from here on")
+    tagged = Tags(named_transfer="srgb", named_primaries="rec2020")
+    return replace(picture, planes=done, bit_depth=out_bits, family="rgb"), tagged
+
+
+def _sixteen(plane: Code, bits: int) -> Code:
+    top = (1 << bits) - 1
+    return np.asarray((plane.astype(np.uint32) * 65535 + top // 2) // top, np.uint16)
+
+
+def _png_transfer(gamma: float | None) -> Transfer | None:
+    if gamma is None:
+        return None
+    known: dict[Transfer, float] = {"gamma22": 1 / 2.2, "linear": 1.0}
+    return next((name for name, value in known.items() if abs(gamma - value) < 0.005), None)
+
+
+def _png_xy(xy: Sequence[float] | None) -> Primaries | None:
+    if xy is None:
+        return None
+    stated = (*xy[2:], *xy[:2])
+    for name in _PNG_PRIMARIES:
+        if max(abs(a - b) for a, b in zip(stated, CHROMATICITIES[name], strict=True)) < 0.003:
+            return name
+    return None

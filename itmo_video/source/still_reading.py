@@ -1,0 +1,104 @@
+"""A still file to a picture, whole, by the library that is right for its format."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+from itmo_video.errors import AlreadyHdrError, DamagedInputError, InputError
+from itmo_video.source import avif, lut_profile, oiio_stills, pillow_stills, png_chunks, raw_photos
+from itmo_video.source.damage import DamageError, check_jpeg
+from itmo_video.source.files import check_pixels
+from itmo_video.source.gain_map import NOTICE, has_gain_map
+from itmo_video.source.icc import ProfileError
+from itmo_video.source.still_formats import (
+    HEAD_BYTES,
+    StillFormat,
+    is_float_image,
+    stated_size,
+    still_format,
+)
+from itmo_video.source.still_picture import StillColour, StillPicture, exif_turn
+
+_BY_PILLOW = ("webp", "gif", "apng", "avif", "heif", "qoi")
+
+
+def kind_of(path: Path) -> StillFormat | None:
+    """The format of a still by its first bytes, None for anything else.
+
+    Raises AlreadyHdrError for images that hold floats, InputError for formats that are not read.
+    """
+    with path.open("rb") as file:
+        head = file.read(HEAD_BYTES)
+    if is_float_image(head):
+        raise AlreadyHdrError("it is a floating-point image, so it is HDR already", where=str(path))
+    kind = still_format(head, path.suffix)
+    if kind == "jpegxl":
+        raise InputError(
+            "JPEG XL is not read",
+            where=str(path),
+            remedy="Convert it to PNG or TIFF (djxl in.jxl out.png).",
+        )
+    if kind == "cineon":
+        raise AlreadyHdrError(
+            "it is a Cineon file: its codes are film density, not SDR",
+            where=str(path),
+            remedy="Convert it to display-referred SDR first (OpenColorIO's cineon transform).",
+        )
+    return kind
+
+
+def read_still(path: Path, kind: StillFormat, max_pixels: int) -> StillPicture:
+    """Decode a still whole, or the first frame of an animation.
+
+    Raises DamagedInputError where it is not whole, InputError for what is larger than `max_pixels`
+    or not read here, AlreadyHdrError for floats.
+    """
+    where = str(path)
+    data = path.read_bytes()
+    size = stated_size(data, kind)
+    if size is not None:
+        check_pixels(*size, max_pixels, where)
+    if kind == "tiff":
+        raw_photos.check_tiff(data, where)
+    facts = _checked(data, kind, where)
+    if kind == "avif":
+        picture = avif.read_still(data, max_pixels, where)
+    elif kind in _BY_PILLOW:
+        picture = pillow_stills.read_still(data, kind, max_pixels, where)
+    else:
+        found = oiio_stills.read_still(path, kind, max_pixels)
+        picture = found or _inks(data, kind, max_pixels, where)
+    if facts is not None:
+        gamma, xy = (None, None) if facts.is_srgb else (facts.gamma, facts.xy)
+        # PNG, third edition, 4.3: code points stand above a profile, that above the rest.
+        icc = facts.icc if facts.cicp is None else None
+        colour = StillColour(icc=icc, cicp=facts.cicp, gamma=gamma, xy=xy)
+        picture = replace(picture, colour=colour)
+    if has_gain_map(data, kind):
+        picture = replace(picture, notices=(*picture.notices, NOTICE))
+    return picture
+
+
+def _checked(data: bytes, kind: StillFormat, where: str) -> png_chunks.PngFacts | None:
+    try:
+        if kind == "jpeg":
+            check_jpeg(data)
+        return png_chunks.read_facts(data) if kind in ("png", "apng") else None
+    except DamageError as error:
+        raise DamagedInputError(str(error), where=where) from error
+
+
+def _inks(data: bytes, kind: StillFormat, max_pixels: int, where: str) -> StillPicture:
+    image, profile = pillow_stills.read_inks(data, kind, max_pixels, where)
+    try:
+        planes = lut_profile.to_rec2020(image, profile)
+    except ProfileError as error:
+        told = f"its colours are inks (CMYK), and its profile fails: {error}"
+        raise InputError(told, where=where) from error
+    return StillPicture(
+        kind, "cmyk8", "rgb", 8, planes, False,
+        exif_turn(image.getexif().get(0x0112)),
+        StillColour(cicp=(9, 13, 2, 1)),  # what the profile was applied to: Rec. 2020, sRGB's curve
+        ("its colours are inks (CMYK): converted by its ICC profile",),
+    )  # fmt: skip
