@@ -1,4 +1,4 @@
-"""Kinds of input that people reported elsewhere as coming out wrong; files of ../shared where they are.
+"""Kinds of input that people reported elsewhere as coming out wrong, by their files in ../shared.
 
 Values are those of ../shared/data/field_reports/README.md, of linear light, 1.0 = SDR white.
 """
@@ -66,7 +66,7 @@ def test_03_avif_keeps_alpha_and_all_frames() -> None:
 def test_06_icc_profiles_are_applied(name: str, patch: int | None, want: tuple[float, ...]) -> None:
     rgb = linear_srgb(report(f"06_icc_ignored/{name}"))
     seen = rgb[::8, ::8].reshape(-1, 3)
-    assert np.abs(seen - want).max(axis=1).min() < 0.003, "the patch is nowhere"
+    assert np.abs(seen - want).max(axis=1).min() < 0.004, "the patch is nowhere"
 
 
 def test_09_truncated_jpeg_is_refused() -> None:
