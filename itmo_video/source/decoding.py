@@ -59,7 +59,7 @@ class Decoder:
                 if entry is not None and stamp is not None:
                     packets = self._after_seek(container, stream, entry[0], stamp)
                 if packets is not None:
-                    yield from _decode_all(_decoder(stream, self.max_pixels), packets)
+                    yield from decode_all(decoder_of(stream, self.max_pixels), packets)
                     return
 
     def _entry(self, start: int) -> tuple[int, int, int] | None:
@@ -96,7 +96,7 @@ class Decoder:
         return None
 
 
-def _decoder(stream: Any, max_pixels: int) -> Any:
+def decoder_of(stream: Any, max_pixels: int) -> Any:
     """The stream's decoder; for VP8 and VP9 with alpha libvpx, which alone decodes that."""
     context = stream.codec_context
     name = {"vp8": "libvpx", "vp9": "libvpx-vp9"}.get(str(context.name))
@@ -107,7 +107,8 @@ def _decoder(stream: Any, max_pixels: int) -> Any:
     return alone
 
 
-def _decode_all(context: Any, packets: Iterator[Any]) -> Iterator[Any]:
+def decode_all(context: Any, packets: Iterator[Any]) -> Iterator[Any]:
+    """Frames of packets in presentation order, past those that fail; flushes at the end."""
     while True:
         packet = next(packets, None)
         try:

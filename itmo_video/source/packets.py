@@ -76,8 +76,8 @@ def open_video(path: Path, max_pixels: int) -> Iterator[tuple[Any, Any]]:
         reason = getattr(error, "strerror", None) or str(error)
         raise InputError(f"is not a video that can be read ({reason})", where=where) from error
     try:
-        stream = _video_stream(container, where)
-        _prepare_decoder(stream, max_pixels, where)
+        stream = video_stream(container, where)
+        prepare_decoder(stream, max_pixels, where)
         yield container, stream
     finally:
         container.close()
@@ -115,7 +115,7 @@ def scan_packets(container: Any, stream: Any) -> Packets:
         if packet.size == 0:
             continue
         pts, place = packet.pts, len(stamps)
-        if _is_hidden(packet, codec):
+        if is_hidden(packet, codec):
             continue
         stamps.append(pts)
         is_unique = is_unique and pts is not None and pts not in order
@@ -132,7 +132,8 @@ def scan_packets(container: Any, stream: Any) -> Packets:
     return Packets(tuple(sorted(shown)), order, tuple(keys), is_unique, declared)
 
 
-def _video_stream(container: Any, where: str) -> Any:
+def video_stream(container: Any, where: str) -> Any:
+    """The container's first video stream that is no cover picture; raises InputError for none."""
     videos = [s for s in container.streams if s.type == "video"]
     videos = [s for s in videos if "attached_pic" not in str(s.disposition).lower()]
     if not videos:
@@ -143,7 +144,8 @@ def _video_stream(container: Any, where: str) -> Any:
     return usable[0]
 
 
-def _prepare_decoder(stream: Any, max_pixels: int, where: str) -> None:
+def prepare_decoder(stream: Any, max_pixels: int, where: str) -> None:
+    """Set a stream's decoder up within the limits; raises InputError for encrypted or too large."""
     context = stream.codec_context
     if str(context.codec_tag) in ("encv", "drmi"):
         raise InputError("it is encrypted", where=where)
@@ -156,7 +158,7 @@ def _prepare_decoder(stream: Any, max_pixels: int, where: str) -> None:
     context.options = options
 
 
-def _is_hidden(packet: Any, codec: str) -> bool:
+def is_hidden(packet: Any, codec: str) -> bool:
     """Whether a VP8 packet is a reference that is never shown (RFC 6386, 9.1)."""
     return codec == "vp8" and not memoryview(packet)[0] & 0x10
 

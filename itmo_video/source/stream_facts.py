@@ -59,75 +59,84 @@ def find_facts(path: Path, options: InputOptions) -> tuple[StreamFacts, Iterator
         if decoder.packets.is_exact and (order != "progressive" or container_name == "avi"):
             decoder = _as_countable(decoder)
         decoder, first, begun = _first_frame(decoder)
-        check_pixels(first.width, first.height, options.max_pixels, str(path))
-        picture = picture_of(path, first)
-        stored, told = tags.resolve_encoding(
-            tags.read_tags(first, context),
-            options,
-            family=picture.family,
-            bit_depth=picture.bit_depth,
-            has_alpha=picture.has_alpha,
-            is_full_format="yuvj" in first.format.name
-            or (picture.family == "grey" and codec not in _LIMITED_GREY),
-            is_still=container_name in ("gif", "apng"),
-            codec=codec,
-            size=(first.width, first.height),
-            where=str(path),
-        )
-        turn = tags.frame_turn(first)
-        is_interlaced = order != "progressive" or bool(first.interlaced_frame)
-        if is_interlaced and order == "progressive":
-            order = "interlaced"
-        is_forced = options.deinterlace == "force"
-        is_deinterlaced = (
-            options.deinterlace != "off"
-            and (is_interlaced or is_forced)
-            and can_deinterlace(first, is_forced)
-        )
-        notices = list(told)
-        if is_interlaced or is_forced:
-            done = "deinterlaced" if is_deinterlaced else "left as it is"
-            notices.append(f"it is {'' if is_interlaced else 'not '}flagged interlaced: {done}")
-        if is_interlaced or codec in _FILM_CODECS:
-            sample = islice(decoder.decoded(None), _SAMPLE)
-            notices += mixture([bool(frame.interlaced_frame) for frame in sample])
-        if not decoder.packets.is_exact:
-            notices.append("its time stamps are incomplete: frames are counted from the start")
-        time_base, form = Fraction(stream.time_base or 1), pixel_form(first)
-        rate, length, is_vfr = _timing(stream, decoder.packets, time_base)
-        notices += _timing_notices(decoder.packets, is_vfr)
-        if turn != (0, False):
-            mirrored = "mirrored, then " if turn[1] else ""
-            notices.append(f"turned upright: {mirrored}{turn[0]} degrees clockwise")
-        aspect = Fraction(stream.sample_aspect_ratio or context.sample_aspect_ratio or 1)
-        codes = (s.metadata.get("timecode") for s in (container, *container.streams))
-        info = ClipInfo(
-            path=str(path),
-            stem=path.stem,
-            container=container_name,
-            codec=codec,
-            pixel_format=form,
-            width=first.width,
-            height=first.height,
-            frames=len(decoder.packets.pts),
-            frame_rate=rate,
-            duration_s=length,
-            is_vfr=is_vfr,
-            pixel_aspect=1 / aspect if turn[0] % 180 else aspect,
-            rotation_deg=turn[0],
-            flip=turn[1],
-            field_order=order,
-            timecode=next((_printable(code) for code in codes if code), None),
-            encoding=upright(picture.planes, turn, stored)[1],
-            digest=content_digest([path]),
-            notices=tuple(notices),
-            frames_declared=decoder.packets.declared,
-        )
-    facts = StreamFacts(
+        return facts_at(container, stream, decoder, first, options, content_digest([path])), begun
+
+
+def facts_at(
+    container: Any, stream: Any, decoder: Decoder, first: Any, options: InputOptions, digest: str
+) -> StreamFacts:
+    """The facts of an open stream by its first decoded frame; `digest` is of its content."""
+    path, codec, container_name = decoder.path, decoder.codec, str(container.format.name)
+    context = stream.codec_context
+    order = _INTERLACED.get(int(context.field_order), "progressive")
+    check_pixels(first.width, first.height, options.max_pixels, str(path))
+    picture = picture_of(path, first)
+    stored, told = tags.resolve_encoding(
+        tags.read_tags(first, context),
+        options,
+        family=picture.family,
+        bit_depth=picture.bit_depth,
+        has_alpha=picture.has_alpha,
+        is_full_format="yuvj" in first.format.name
+        or (picture.family == "grey" and codec not in _LIMITED_GREY),
+        is_still=container_name in ("gif", "apng"),
+        codec=codec,
+        size=(first.width, first.height),
+        where=str(path),
+    )
+    turn = tags.frame_turn(first)
+    is_interlaced = order != "progressive" or bool(first.interlaced_frame)
+    if is_interlaced and order == "progressive":
+        order = "interlaced"
+    is_forced = options.deinterlace == "force"
+    is_deinterlaced = (
+        options.deinterlace != "off"
+        and (is_interlaced or is_forced)
+        and can_deinterlace(first, is_forced)
+    )
+    notices = list(told)
+    if is_interlaced or is_forced:
+        done = "deinterlaced" if is_deinterlaced else "left as it is"
+        notices.append(f"it is {'' if is_interlaced else 'not '}flagged interlaced: {done}")
+    if is_interlaced or codec in _FILM_CODECS:
+        sample = islice(decoder.decoded(None), _SAMPLE)
+        notices += mixture([bool(frame.interlaced_frame) for frame in sample])
+    if not decoder.packets.is_exact:
+        notices.append("its time stamps are incomplete: frames are counted from the start")
+    time_base, form = Fraction(stream.time_base or 1), pixel_form(first)
+    rate, length, is_vfr = _timing(stream, decoder.packets, time_base)
+    notices += _timing_notices(decoder.packets, is_vfr)
+    if turn != (0, False):
+        mirrored = "mirrored, then " if turn[1] else ""
+        notices.append(f"turned upright: {mirrored}{turn[0]} degrees clockwise")
+    aspect = Fraction(stream.sample_aspect_ratio or context.sample_aspect_ratio or 1)
+    codes = (s.metadata.get("timecode") for s in (container, *container.streams))
+    info = ClipInfo(
+        path=str(path),
+        stem=path.stem,
+        container=container_name,
+        codec=codec,
+        pixel_format=form,
+        width=first.width,
+        height=first.height,
+        frames=len(decoder.packets.pts),
+        frame_rate=rate,
+        duration_s=length,
+        is_vfr=is_vfr,
+        pixel_aspect=1 / aspect if turn[0] % 180 else aspect,
+        rotation_deg=turn[0],
+        flip=turn[1],
+        field_order=order,
+        timecode=next((_printable(code) for code in codes if code), None),
+        encoding=upright(picture.planes, turn, stored)[1],
+        digest=digest,
+        notices=tuple(notices),
+        frames_declared=decoder.packets.declared,
+    )
+    return StreamFacts(
         decoder, time_base, (first.width, first.height), form, stored, turn, is_deinterlaced,
         is_forced, info,
     )  # fmt: skip
-    return facts, begun
 
 
 def _as_countable(decoder: Decoder) -> Decoder:
