@@ -23,6 +23,7 @@ from itmo_video.cli.main import main
 from itmo_video.errors import UsageError
 from itmo_video.evaluation import fidelity, heat_film, vdp
 from itmo_video.evaluation.agreement import Display
+from itmo_video.output.gate import FILM, Gate
 
 WIDTH, HEIGHT = 96, 64
 needs_vdp = pytest.mark.skipif(find_spec("pycvvdp") is None, reason="extra vdp is not installed")
@@ -131,7 +132,7 @@ def test_without_the_extra_it_says_what_to_install(
 
 def test_a_film_of_odd_size_is_written_whole_or_not_at_all(tmp_path: Path) -> None:
     grey = np.full((31, 33, 3), 128, np.uint8)
-    assert heat_film.write_film(tmp_path / "a.mp4", iter([grey] * 3), Fraction(24)) == 3
+    assert heat_film.write_film(Gate(tmp_path / "a.mp4", FILM), iter([grey] * 3), Fraction(24)) == 3
     with av.open(str(tmp_path / "a.mp4")) as box:
         frames = [frame.to_ndarray(format="rgb24") for frame in box.decode(video=0)]
     assert frames[0].shape == (32, 34, 3)
@@ -142,7 +143,7 @@ def test_a_film_of_odd_size_is_written_whole_or_not_at_all(tmp_path: Path) -> No
         raise UsageError("it broke")
 
     with pytest.raises(UsageError, match="it broke"):
-        heat_film.write_film(tmp_path / "b.mp4", breaking(), Fraction(24))
+        heat_film.write_film(Gate(tmp_path / "b.mp4", FILM), breaking(), Fraction(24))
     assert [p.name for p in tmp_path.iterdir()] == ["a.mp4"], "a part of a film stays"
 
 

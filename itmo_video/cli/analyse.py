@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import argparse
-import os
 import sys
 from typing import TYPE_CHECKING, Any
 
 from itmo_video.cli.run_flags import positive, start_number
 from itmo_video.cli.settings_flags import add_settings, settings_of
-from itmo_video.errors import OutputError
 from itmo_video.settings import Settings
 
 if TYPE_CHECKING:
@@ -58,18 +56,17 @@ def analyse_to(
 ) -> None:
     """Analyse `source` and write the JSON to `output`, None for standard output.
 
-    Raises OutputError where a file is there already (shots edited by hand are dear), unless
-    `overwrite` is given.
+    Raises OutputError where a file is there already (it may hold shots edited by hand), unless
+    `overwrite` is given and it is an analysis.
     """
     from itmo_video.analysis.analyse import analyse
-    from itmo_video.output.atomic import write_whole
+    from itmo_video.output.gate import ANALYSIS, Gate
+    from itmo_video.source.opening import input_files
 
-    if output is not None and not overwrite and os.path.lexists(output):
-        raise OutputError(
-            "is there already, perhaps with shots edited by hand",
-            where=output,
-            remedy="Choose another name, or --overwrite.",
-        )
+    gate = None
+    if output is not None:
+        gate = Gate(output, ANALYSIS, inputs=input_files(source), overwrite=overwrite)
+        gate.check()
 
     def on_warning(message: str) -> None:
         if not quiet:
@@ -78,10 +75,10 @@ def analyse_to(
     analysis = analyse(
         source, settings, start_number=start_number, max_pixels=max_pixels, on_warning=on_warning
     )
-    if output is None:
+    if gate is None:
         print(analysis.to_json(), end="")
         return
-    write_whole(output, analysis.to_json().encode())
+    gate.write(analysis.to_json().encode())
     print(in_words(analysis))
 
 

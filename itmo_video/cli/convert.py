@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import os
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from itmo_video.cli.outcome import reported
@@ -123,9 +124,13 @@ def _convert_one(
         from itmo_video.cluster.dask_executor import cluster_executor
 
         executor = cluster_executor(args.scheduler)
+    if args.report and os.path.isdir(output):
+        from itmo_video.report.page import report_gate
+
+        report_gate(Path(output), None, source, None, overwrite=args.overwrite).check()
     progress = Progress(as_json=args.json, quiet=args.quiet)
     convert(source, output, settings, run, progress.on_event, executor)
     if args.report:
         from itmo_video.report.page import write_report
 
-        write_report(output, clip=source)
+        write_report(output, clip=source, overwrite=args.overwrite)

@@ -14,6 +14,7 @@ from itmo_video.errors import CheckFailedError, UsageError
 
 if TYPE_CHECKING:
     from itmo_video.evaluation.agreement import Agreement, Display
+    from itmo_video.output.gate import Gate
 
 EXAMPLES = """\
 examples:
@@ -66,6 +67,9 @@ def add_evaluate(commands: Any) -> None:
         help="of latitude-longitude panoramas: compare renders of a scene that they light (extra "
         "`ibl`: Mitsuba); TEST and TRUTH may be one .exr or .hdr file, 1.0 being SDR white",
     )  # fmt: skip
+    parser.add_argument(
+        "--overwrite", action="store_true", help="replace the film of --heat-map where it exists"
+    )
     parser.add_argument("--json", action="store_true", help="as JSON")
     parser.add_argument(
         "--fail-above", action="append", default=[], metavar="METRIC=VALUE",
@@ -96,6 +100,7 @@ def _evaluate(args: argparse.Namespace) -> int:
         raise UsageError("ColorVideoVDP needs the truth", remedy="Give --reference TRUTH.")
     if args.heat_map:
         heat_film.check_film(Path(args.heat_map))
+        _heat_gate(args).check()
     if args.key_interval is not None and args.key_interval < 1:
         raise UsageError(f"key-interval must be 1 or more, not {args.key_interval}")
     if args.ibl and (args.vdp or args.heat_map or args.motion or not args.reference):
@@ -142,6 +147,21 @@ def _evaluate(args: argparse.Namespace) -> int:
     return 0
 
 
+def _heat_gate(args: argparse.Namespace) -> Gate:
+    from itmo_video.output.folder import read_manifest
+    from itmo_video.output.gate import FILM, Gate
+    from itmo_video.source.opening import input_files
+
+    manifest = read_manifest(args.test)
+    return Gate(
+        args.heat_map,
+        FILM,
+        inputs=input_files(args.source) if args.source else (),
+        overwrite=args.overwrite,
+        source_digest=manifest.source_digest if manifest else None,
+    )
+
+
 def _add_vdp(args: argparse.Namespace, rows: dict[str, Agreement], display: Display) -> None:
     from itmo_video.evaluation import films, heat_film, vdp
     from itmo_video.evaluation.agreement import TEST
@@ -153,7 +173,7 @@ def _add_vdp(args: argparse.Namespace, rows: dict[str, Agreement], display: Disp
             rows[name].figures["jod"] = vdp.jod(film, display)
     if args.heat_map:
         film = found[TEST]
-        heat_film.write_film(Path(args.heat_map), vdp.heat_map(film, display), film.frame_rate)
+        heat_film.write_film(_heat_gate(args), vdp.heat_map(film, display), film.frame_rate)
 
 
 def _judge(

@@ -82,6 +82,11 @@ def add_preview(commands: Any) -> None:
     group.add_argument(
         "--max-pixels", type=int, default=2**27, metavar="N", help="a frame, at most"
     )
+    group.add_argument(
+        "--overwrite",
+        action="store_true",
+        help="replace OUTPUT where it exists",
+    )
     group.add_argument("--quiet", action="store_true", help="no progress and no notices")
     group.add_argument("--json", action="store_true", help="one line of JSON an event")
 
@@ -119,6 +124,7 @@ def _run(args: argparse.Namespace, settings: Settings) -> int:
         start_number=args.start_number,
         jobs=max(1, args.jobs) if args.jobs is not None else None,
         max_pixels=args.max_pixels,
+        overwrite=args.overwrite,
     )
     progress = Progress(as_json=args.json, quiet=args.quiet)
     summary = preview(args.preview_source, output, settings, run, options, progress.on_event)

@@ -19,6 +19,7 @@ def add_report(commands: Any) -> None:
     parser.add_argument(
         "--source", metavar="CLIP", help="the clip it was made of: before and after"
     )
+    parser.add_argument("--overwrite", action="store_true", help="replace FILE.html")
     parser.add_argument("--quiet", action="store_true", help="no progress")
     parser.set_defaults(run=_run)
 
@@ -28,5 +29,8 @@ def _run(args: argparse.Namespace) -> int:
     from itmo_video.report.page import write_report
 
     progress = Progress(as_json=False, quiet=args.quiet)
-    print(write_report(args.folder, args.output, args.source, progress.on_event))
+    path = write_report(
+        args.folder, args.output, args.source, progress.on_event, overwrite=args.overwrite
+    )
+    print(path)
     return 0

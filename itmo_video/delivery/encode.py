@@ -20,13 +20,15 @@ import numpy as np
 from itmo_video.colour import primaries
 from itmo_video.delivery import metadata
 from itmo_video.delivery.hdr import Chroma, Codes10, Light
-from itmo_video.errors import OutputError, UsageError
+from itmo_video.errors import ItmoError, OutputError, UsageError
 from itmo_video.output.atomic import temp_path
-from itmo_video.source.packets import TAG_ERRORS
+from itmo_video.output.gate import Gate
+from itmo_video.source.packets import TAG_ERRORS, open_container, open_video
 
 Codec = Literal["av1", "hevc", "prores"]
 Signal = Literal["pq", "hlg", "sdr"]
 YCbCr = tuple[Codes10, Codes10, Codes10]
+_MAX_PIXELS = 2**27  # of a source that only its sound and its stamps are read of
 
 _ENCODERS: dict[str, str] = {"av1": "libsvtav1", "hevc": "libx265", "prores": "prores_ks"}
 _MUXERS = {".mp4": "mp4", ".m4v": "mp4", ".mov": "mov", ".mkv": "matroska"}
@@ -69,9 +71,9 @@ def default_chroma(codec: Codec) -> Chroma:
 
 
 def source_time_base(path: Path) -> Fraction:
-    """The unit that the source's video time stamps are counted in, in seconds."""
-    with av.open(os.fspath(path.absolute()), options=_SAFE, **TAG_ERRORS) as box:
-        return Fraction(box.streams.video[0].time_base or Fraction(1, 90000))
+    """The unit that a film's video time stamps are counted in, in seconds; raises InputError."""
+    with open_video(path, _MAX_PIXELS) as (_, stream):
+        return Fraction(stream.time_base or Fraction(1, 90000))
 
 
 def check_film(path: Path, spec: FilmSpec) -> None:
@@ -95,22 +97,23 @@ def check_film(path: Path, spec: FilmSpec) -> None:
 
 
 class FilmWriter:
-    """Writes a film under a temporary name; `finish` completes its metadata and renames it.
+    """Writes a film under a temporary name; `finish` completes it and puts it through its gate.
 
     In `with`, a film that is not finished is removed. Sound and chapters are copied from `source`
-    as they are. With `start_s` the film is a part: times count from there, sound before it and
-    after the last frame is left out.
+    as they are; InputError where it is no regular file in a known container. With `start_s` the
+    film is a part: times count from there, sound before it and after the last frame is left out.
     """
 
     def __init__(
         self,
-        path: Path,
+        gate: Gate,
         spec: FilmSpec,
         source: Path | None = None,
         start_s: Fraction | None = None,
     ) -> None:
+        path = gate.path
         check_film(path, spec)
-        self.path, self.spec = path, spec
+        self._gate, self.path, self.spec = gate, path, spec
         self._is_whole = start_s is None
         self._start_s = start_s or Fraction(0)
         self._temp = temp_path(path.absolute())
@@ -128,8 +131,11 @@ class FilmWriter:
             self._sound: Iterator[Any] = iter(())
             self._waiting: Any = None
             if source is not None:
-                self._source = av.open(os.fspath(source.absolute()), options=_SAFE, **TAG_ERRORS)
+                self._source = open_container(source, _MAX_PIXELS)
                 self._add_sound()
+        except ItmoError:
+            self.close()
+            raise
         except (av.FFmpegError, OSError, ValueError) as error:
             self.close()
             raise _failure(error, path) from error
@@ -175,7 +181,7 @@ class FilmWriter:
                     raise OutputError("its encoder wrote no content light", where=str(self.path))
                 if self.path.suffix.lower() != ".mkv":
                     metadata.add_boxes(self._temp, self.spec.mastering, light)
-            os.replace(self._temp, self.path)
+            self._gate.put(self._temp)
         except (av.FFmpegError, OSError, ValueError) as error:
             raise _failure(error, self.path) from error
 
@@ -270,9 +276,6 @@ def encode_avif(planes: YCbCr, crf: float) -> bytes:
         box.mux(stream.encode(frame))
         box.mux(stream.encode(None))
     return target.getvalue()
-
-
-_SAFE = {"protocol_whitelist": "file"}
 
 
 def _options(spec: FilmSpec) -> dict[str, str]:

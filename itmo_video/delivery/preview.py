@@ -27,8 +27,10 @@ from itmo_video.delivery.hdr import Chroma, Light
 from itmo_video.delivery.metadata import Mastering
 from itmo_video.delivery.pictures import Picture, Pictures
 from itmo_video.errors import DamagedInputError, UsageError
-from itmo_video.output.atomic import write_whole
+from itmo_video.output.folder import read_manifest
+from itmo_video.output.gate import FILM, STILL, Gate
 from itmo_video.settings import Settings
+from itmo_video.source.opening import input_files, is_film
 
 View = Literal["hdr10", "hlg", "sdr", "compare", "false-colour", "ladder"]
 STILLS = (".avif", ".png", ".jpg", ".jpeg")
@@ -83,7 +85,8 @@ def preview(
     """Make a film or a still of a clip, converted on the fly, or of a converted folder.
 
     Raises the errors of itmo_video.errors, DamagedInputError only after all that decodes was
-    written. `on_event` gets dicts with "event": started, frame, finished.
+    written; OutputError before any work where `output` may not be written over (output.gate).
+    `on_event` gets dicts with "event": started, frame, finished.
     """
     options, run = options or PreviewOptions(), run or RunOptions()
     source, output = Path(source), Path(output)
@@ -91,6 +94,8 @@ def preview(
     _check(output, options)
     if options.frame is not None:
         run = replace(run, frames=str(options.frame))
+    gate = _gate(source, output, options, run)
+    gate.check()
     if source.is_dir():
         pictures = from_folder(
             source, options.clip if _wants_clip(options) else None, run, settings
@@ -103,9 +108,9 @@ def preview(
     on_event({"event": "started", "input": str(source), "output": str(output),
               "frames": len(pictures.numbers), "present": 0})  # fmt: skip
     if options.frame is not None:
-        frames, light = 1, _still(pictures, output, options)
+        frames, light = 1, _still(pictures, gate, options)
     else:
-        frames, light = _film(pictures, output, options, run, on_event)
+        frames, light = _film(pictures, gate, options, run, on_event)
     summary = PreviewSummary(
         frames, time.monotonic() - began, output.stat().st_size, light.peak, light.average
     )
@@ -137,6 +142,18 @@ def _check(output: Path, options: PreviewOptions) -> None:
         raise UsageError(
             f"unknown tone map {options.tone_map!r}", remedy=f"Known: {', '.join(sdr.TONE_MAPS)}"
         )
+
+
+def _gate(source: Path, output: Path, options: PreviewOptions, run: RunOptions) -> Gate:
+    manifest = read_manifest(source) if source.is_dir() else None
+    inputs = input_files(source) + (input_files(options.clip) if options.clip else [])
+    return Gate(
+        output,
+        FILM if options.frame is None else STILL,
+        inputs=inputs,
+        overwrite=run.overwrite,
+        source_digest=manifest.source_digest if manifest else None,
+    )
 
 
 def _wants_clip(options: PreviewOptions) -> bool:
@@ -197,7 +214,7 @@ def _shot(picture: Picture, pictures: Pictures, options: PreviewOptions, chroma:
 
 def _film(
     pictures: Pictures,
-    output: Path,
+    gate: Gate,
     options: PreviewOptions,
     run: RunOptions,
     on_event: Callable[[Event], None],
@@ -207,7 +224,7 @@ def _film(
         2, 2, pictures.frame_rate, _time_base(pictures), pictures.pixel_aspect, _signal(options),
         options.codec, chroma, pictures.peak_nits, options.crf, options.speed,
     )  # fmt: skip
-    encode.check_film(output, spec)
+    encode.check_film(gate.path, spec)
     shots = pictures.mapped(lambda picture: _shot(picture, pictures, options, chroma))
     lights: list[Light] = []
     try:
@@ -217,7 +234,8 @@ def _film(
         height, width = first.planes[0].shape
         spec = replace(spec, width=width, height=height)
         start = first.time_s if run.frames is not None else None
-        with FilmWriter(output, spec, pictures.clip, start) as writer:
+        film = pictures.clip if pictures.clip and is_film(pictures.clip) else None
+        with FilmWriter(gate, spec, film, start) as writer:
             for shot, length in _with_durations(first, shots):
                 writer.write(shot.planes, shot.time_s, length)
                 lights.append(shot.light)
@@ -243,20 +261,22 @@ def _with_durations(
 
 def _time_base(pictures: Pictures) -> Fraction:
     """The source's unit of time where it is known, so that its stamps stay exact."""
-    if pictures.clip is not None:
+    if pictures.clip is not None and is_film(pictures.clip):
         return encode.source_time_base(pictures.clip)
     rate = pictures.frame_rate.numerator
     common = rate * 90000 // gcd(rate, 90000)
     return Fraction(1, common if common < 2**31 else 90000)
 
 
-def _still(pictures: Pictures, output: Path, options: PreviewOptions) -> Light:
+def _still(pictures: Pictures, gate: Gate, options: PreviewOptions) -> Light:
+    suffix = gate.path.suffix.lower()
+
     def make(picture: Picture) -> tuple[bytes, Light]:
         if _signal(options) == "sdr":
             view = sdr_view(picture, pictures, options)
-            return stills.sdr_still(view, output.suffix.lower()), Light(0.0, 0.0)
+            return stills.sdr_still(view, suffix), Light(0.0, 0.0)
         rgb, primaries, white = _light_of(picture, pictures, options)
-        if output.suffix.lower() == ".png":
+        if suffix == ".png":
             nits = hdr.to_nits_2020(rgb, primaries, white, pictures.peak_nits)
             code, light = hdr.encode_nits(nits, "pq", pictures.peak_nits), hdr.frame_light(nits)
             mastering = Mastering(CHROMATICITIES["p3d65"], pictures.peak_nits)
@@ -269,5 +289,5 @@ def _still(pictures: Pictures, output: Path, options: PreviewOptions) -> Light:
     made = next(pictures.mapped(make), None)
     if made is None:
         raise DamagedInputError(f"frame {options.frame} does not decode")
-    write_whole(output, made[0])
+    gate.write(made[0])
     return made[1]

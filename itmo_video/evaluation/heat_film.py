@@ -14,6 +14,7 @@ import numpy as np
 from itmo_video.errors import OutputError, UsageError
 from itmo_video.model import Code
 from itmo_video.output.atomic import temp_path
+from itmo_video.output.gate import Gate
 
 _CRF = "18"
 
@@ -24,7 +25,7 @@ def check_film(path: Path) -> None:
         raise UsageError(f"{path.name}: the heat map is a film", remedy="Name it .mp4.")
 
 
-def write_film(path: Path, pictures: Iterator[Code], frame_rate: Fraction) -> int:
+def write_film(gate: Gate, pictures: Iterator[Code], frame_rate: Fraction) -> int:
     """Write sRGB pictures, uint8 (H, W, 3), under a temporary name, rename; returns how many.
 
     A last row or column is repeated where the size is odd. Raises OutputError where it cannot be
@@ -32,7 +33,7 @@ def write_film(path: Path, pictures: Iterator[Code], frame_rate: Fraction) -> in
     """
     import av
 
-    temp = temp_path(path.absolute())
+    temp = temp_path(gate.path.absolute())
     count = 0
     try:
         with av.open(os.fspath(temp), "w", format="mp4") as box:
@@ -49,9 +50,9 @@ def write_film(path: Path, pictures: Iterator[Code], frame_rate: Fraction) -> in
                 box.mux(stream.encode(frame))
             if stream is not None:
                 box.mux(stream.encode(None))
-        os.replace(temp, path)
+        gate.put(temp)
     except (av.FFmpegError, OSError) as error:
-        raise OutputError(f"cannot be written: {error}", where=str(path)) from error
+        raise OutputError(f"cannot be written: {error}", where=str(gate.path)) from error
     finally:
         with suppress(OSError):
             temp.unlink()

@@ -106,6 +106,28 @@ def boot_time_s() -> float:
     return 0.0
 
 
+def sweep_temp_files(folder: StrPath) -> int:
+    """Remove the temporary files in `folder` of this machine's dead processes; return how many.
+
+    Those of living processes, of other machines and of other containers stay. Raises OutputError
+    where the folder cannot be listed; one that is not there has none.
+    """
+    try:
+        names = os.listdir(folder or ".")
+    except (FileNotFoundError, NotADirectoryError):
+        return 0
+    except OSError as error:
+        raise output_error(error, folder) from error
+    swept = 0
+    for name in names:
+        owner = temp_owner(name)
+        with suppress(OSError):  # another process may sweep at the same time
+            if owner and is_dead(owner, os.stat(os.path.join(folder, name)).st_mtime):
+                os.unlink(os.path.join(folder, name))
+                swept += 1
+    return swept
+
+
 def write_whole(path: StrPath, data: bytes | memoryview, *, durable: bool = False) -> int:
     """Put `data` at `path` as `write_parts` does."""
     return write_parts(path, (data,), durable=durable)

@@ -23,9 +23,8 @@ from typing import Literal
 from itmo_video.errors import InputError, OutputError
 from itmo_video.output.atomic import (
     StrPath,
-    is_dead,
     output_error,
-    temp_owner,
+    sweep_temp_files,
     temp_path,
     write_whole,
 )
@@ -238,18 +237,8 @@ class OutputFolder:
         return faults
 
     def sweep_temp_files(self) -> int:
-        """Remove the temporary files of this machine's dead processes; return how many.
-
-        Those of living processes, of other machines and of other containers stay.
-        """
-        swept = 0
-        for name in self._names():
-            owner = temp_owner(name)
-            with suppress(OSError):  # another process may sweep at the same time
-                if owner and is_dead(owner, (self.path / name).stat().st_mtime):
-                    (self.path / name).unlink()
-                    swept += 1
-        return swept
+        """Remove what dead processes of this machine left; see atomic.sweep_temp_files."""
+        return sweep_temp_files(self.path)
 
     def _names(self) -> list[str]:
         try:

@@ -19,13 +19,13 @@ from itmo_video.delivery import sdr
 from itmo_video.delivery.from_folder import from_folder
 from itmo_video.delivery.pictures import Picture, Pictures
 from itmo_video.errors import DamagedInputError, UsageError
-from itmo_video.output.atomic import write_whole
 from itmo_video.output.folder import Manifest, read_manifest
+from itmo_video.output.gate import PAGE, Gate
 from itmo_video.report import embed, measure, plots
 from itmo_video.report.measure import FilmFacts, FrameFacts
 from itmo_video.settings import settings_from
 from itmo_video.source.facts import clip_facts
-from itmo_video.source.opening import input_options, open_clip
+from itmo_video.source.opening import input_files, input_options, open_clip
 
 MAX_FRAMES = 24
 MAX_WIDTH = 640
@@ -38,16 +38,21 @@ def write_report(
     output: str | Path | None = None,
     clip: str | Path | None = None,
     on_event: Callable[[Event], None] = lambda event: None,
+    *,
+    overwrite: bool = False,
 ) -> Path:
     """Write the page about a converted folder and return its path (FOLDER/report.html).
 
     With the source `clip` it also compares with what was before. Raises InputError where there is
-    no conversion, UsageError where the extra "report" is missing.
+    no conversion, UsageError where the extra "report" is missing, and OutputError where `output`
+    may not be written over: a report at FOLDER/report.html may, all else only with `overwrite`.
     """
     _templates()  # a missing extra is told before the work
     folder = Path(folder)
-    output = Path(output) if output is not None else folder / REPORT_NAME
     manifest = read_manifest(folder)
+    gate = report_gate(folder, output, clip, manifest, overwrite=overwrite)
+    gate.check()
+    output = gate.path
     settings = dict(manifest.settings) if manifest else {}
     first = settings.pop("first_number", 1)
     # l_white and l_max are resolved in it, and peak_nits may stand beside them.
@@ -59,8 +64,27 @@ def write_report(
     frames, embedded = _measured(pictures, converted.map_width, on_event)
     facts = measure.film_facts(frames, converted.key_reach)
     text = render_page(manifest, pictures, facts, embedded, _source_facts(clip, converted), first)
-    write_whole(output, text.encode("utf-8", "backslashreplace"))
+    gate.write(text.encode("utf-8", "backslashreplace"))
     return output
+
+
+def report_gate(
+    folder: Path,
+    output: str | Path | None,
+    clip: str | Path | None,
+    manifest: Manifest | None,
+    *,
+    overwrite: bool = False,
+) -> Gate:
+    """What stands in front of a report's file."""
+    return Gate(
+        output if output is not None else folder / REPORT_NAME,
+        PAGE,
+        inputs=input_files(clip) if clip is not None else (),
+        overwrite=overwrite,
+        source_digest=manifest.source_digest if manifest is not None else None,
+        is_ours=output is None,
+    )
 
 
 def _measured(

@@ -6,11 +6,12 @@ Nothing but local files in known containers is opened, and no picture larger tha
 from __future__ import annotations
 
 import hashlib
-import stat
+import os
 from collections.abc import Sequence
 from pathlib import Path
 
 from itmo_video.errors import InputError
+from itmo_video.regular_file import open_regular
 
 _DIGEST_BLOCK, _DIGEST_WHOLE, _DIGEST_BLOCKS = 1 << 20, 64 << 20, 64
 
@@ -20,25 +21,15 @@ _DIGEST_BLOCK, _DIGEST_WHOLE, _DIGEST_BLOCKS = 1 << 20, 64 << 20, 64
 
 def check_file(path: Path) -> None:
     """Raise InputError unless there is a readable, regular file with something in it."""
-    try:
-        found = path.stat()
-        with path.open("rb"):
-            pass
-    except FileNotFoundError as error:
-        raise InputError("no such file", where=str(path)) from error
-    except IsADirectoryError as error:
+    if path.is_dir():
         raise InputError(
             "is a folder, not a clip",
             where=str(path),
             remedy="For an image sequence give its pattern, such as folder/img.%04d.png.",
-        ) from error
-    except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or str(error)
-        raise InputError(f"cannot be read: {reason}", where=str(path)) from error
-    if not stat.S_ISREG(found.st_mode):
-        raise InputError("is not a regular file", where=str(path))
-    if found.st_size == 0:
-        raise InputError("the file is empty", where=str(path))
+        )
+    with open_regular(path) as file:
+        if os.fstat(file.fileno()).st_size == 0:
+            raise InputError("the file is empty", where=str(path))
 
 
 def content_digest(paths: Sequence[Path]) -> str:

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from fractions import Fraction
 from pathlib import Path
 
-from itmo_video.errors import DamagedInputError
+from itmo_video.errors import DamagedInputError, InputError
 from itmo_video.model import Frame
 from itmo_video.settings import Settings
 from itmo_video.source import files
@@ -42,6 +42,25 @@ def open_clip(path: str | Path, options: InputOptions | None = None) -> Clip:
         else:
             clip = StillClip(absolute, {0: absolute}, options)
     return clip if options.fps is None else Resampled(clip, Fraction(options.fps))
+
+
+def input_files(path: str | Path) -> list[Path]:
+    """The files that `open_clip` reads for `path`; none where there is no such file."""
+    absolute = Path(os.path.abspath(path))
+    if os.path.lexists(absolute) or not is_pattern(absolute):
+        return [absolute]
+    try:
+        return list(sequence(absolute).values())
+    except InputError:
+        return []
+
+
+def is_film(path: Path) -> bool:
+    """Whether `open_clip` reads `path` as a container, which has stamps and may hold sound."""
+    is_file = os.path.lexists(path) or not is_pattern(path)
+    if is_file:
+        files.check_file(path)
+    return is_file and kind_of(path) is None
 
 
 def frames_at(clip: Clip, indices: Sequence[int]) -> Iterator[Frame]:

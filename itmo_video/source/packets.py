@@ -15,7 +15,7 @@ import av
 import numpy as np
 
 from itmo_video.errors import InputError
-from itmo_video.source.files import check_pixels
+from itmo_video.source.files import check_file, check_pixels
 
 # No playlists and no demuxer that opens a second file: those could read other local files.
 CONTAINERS = (
@@ -56,6 +56,22 @@ class Packets:
         return at if at >= 0 and self.pts[at] == pts else None
 
 
+def open_container(path: Path, max_pixels: int) -> Any:
+    """Open a container, a regular file in one of CONTAINERS; raises InputError for all else."""
+    check_file(path)
+    options = {
+        "protocol_whitelist": "file",
+        "format_whitelist": CONTAINERS,
+        "max_pixels": decoder_limit(max_pixels),
+    }
+    try:
+        # An absolute path, so that a colon in the name is not taken for a protocol.
+        return av.open(os.path.abspath(path), options=options, **TAG_ERRORS)
+    except (av.FFmpegError, OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or str(error)
+        raise InputError(f"is not a video that can be read ({reason})", where=str(path)) from error
+
+
 @contextmanager
 def open_video(path: Path, max_pixels: int) -> Iterator[tuple[Any, Any]]:
     """Open a container and its first video stream, ready to decode: (container, stream).
@@ -64,17 +80,7 @@ def open_video(path: Path, max_pixels: int) -> Iterator[tuple[Any, Any]]:
     or its frames are larger than `max_pixels`.
     """
     where = str(path)
-    options = {
-        "protocol_whitelist": "file",
-        "format_whitelist": CONTAINERS,
-        "max_pixels": decoder_limit(max_pixels),
-    }
-    try:
-        # An absolute path, so that a colon in the name is not taken for a protocol.
-        container = av.open(os.path.abspath(path), options=options, **TAG_ERRORS)
-    except (av.FFmpegError, OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or str(error)
-        raise InputError(f"is not a video that can be read ({reason})", where=where) from error
+    container = open_container(path, max_pixels)
     try:
         stream = video_stream(container, where)
         prepare_decoder(stream, max_pixels, where)

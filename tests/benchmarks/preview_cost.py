@@ -23,6 +23,7 @@ from itmo_video import RunOptions, make_settings
 from itmo_video.delivery import encode
 from itmo_video.delivery.hdr import Light
 from itmo_video.delivery.preview import PreviewOptions, preview
+from itmo_video.output.gate import FILM, Gate
 
 Writing = tuple[tuple[Any, ...], dict[str, Any]]
 
@@ -52,7 +53,7 @@ def measure(clip: Path, frames: int, codec: Any, speed: str, out: Path) -> tuple
     finally:
         encode.FilmWriter.__init__, encode.FilmWriter.write = begin, write  # type: ignore[method-assign]
     start = time.process_time()
-    with encode.FilmWriter(out / f"alone{speed}.mp4", asked[0]) as film:
+    with encode.FilmWriter(Gate(out / f"alone{speed}.mp4", FILM), asked[0]) as film:
         for args, more in made:
             film.write(*args, **more)
         film.finish(Light(1000, 100))

@@ -1,0 +1,159 @@
+"""The one gate for single files that are written: what is there already, and whose it is.
+
+A command's inputs are never written over, whatever is asked; another file only where that is asked
+for and the file is of the kind that is written. Checked before any work (`check`), and again when
+the finished file takes its name (`put`).
+"""
+
+from __future__ import annotations
+
+import errno
+import os
+import stat
+from collections.abc import Callable, Iterable
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+
+from itmo_video.errors import InputError, OutputError
+from itmo_video.output.atomic import StrPath, output_error, sweep_temp_files, temp_path, write_whole
+from itmo_video.regular_file import open_regular
+from itmo_video.source.files import content_digest
+
+_HEAD_BYTES = 4096
+_NO_LINKS = (errno.EPERM, errno.EOPNOTSUPP, errno.ENOSYS, errno.EMLINK, errno.EXDEV)
+PAGE_MARK = b'<meta name="generator" content="itmo-video">'
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A kind of file by what its first bytes say; `word` names it to the user."""
+
+    word: str
+    begins: Callable[[bytes], bool]
+
+
+def _is_film(head: bytes) -> bool:
+    boxes = (b"ftyp", b"moov", b"mdat", b"free", b"skip", b"wide")
+    return head[4:8] in boxes or head.startswith(b"\x1a\x45\xdf\xa3")
+
+
+def _is_still(head: bytes) -> bool:
+    return head.startswith((b"\x89PNG\r\n", b"\xff\xd8\xff")) or head[4:12] == b"ftypavif"
+
+
+FILM = Kind("film", _is_film)
+STILL = Kind("picture", _is_still)
+PAGE = Kind("report", lambda head: PAGE_MARK in head)
+ANALYSIS = Kind("analysis", lambda head: b'"itmo_video_analysis"' in head)
+
+
+class Gate:
+    """A file to be written at `path`, and what must not be lost to it.
+
+    `inputs` are the files that the command reads. `source_digest` is the content of a film that a
+    folder was made of, which may lie anywhere. `is_ours` lets a file of its kind be replaced
+    unasked, where that kind is nobody's work but ours.
+    """
+
+    def __init__(
+        self,
+        path: StrPath,
+        kind: Kind,
+        *,
+        inputs: Iterable[StrPath] = (),
+        overwrite: bool = False,
+        source_digest: str | None = None,
+        is_ours: bool = False,
+    ) -> None:
+        self.path = Path(path)
+        self._kind, self._digest = kind, source_digest
+        self._overwrite, self._replaces = overwrite, overwrite or is_ours
+        self._inputs = {_identity(file) for file in inputs} - {None}
+
+    def check(self) -> None:
+        """Raise OutputError where the file may not be written; clears up after killed runs."""
+        sweep_temp_files(self.path.parent)
+        if os.path.lexists(self.path):
+            self._check_present()
+        elif not self.path.parent.is_dir():
+            raise self._refused("its folder does not exist", "Make the folder, or choose another.")
+
+    def put(self, temp: Path) -> None:
+        """Give the finished file `temp`, beside `path`, its name; raises OutputError as `check`."""
+        try:
+            if not os.path.lexists(self.path):
+                if _is_linked(temp, self.path):
+                    return
+                if os.path.lexists(self.path):
+                    self._check_present()
+            else:
+                self._check_present()
+            os.replace(temp, self.path)
+        except OSError as error:
+            raise output_error(error, self.path) from error
+
+    def write(self, data: bytes) -> int:
+        """Put `data` there whole, by way of a temporary file; returns its size in bytes."""
+        temp = temp_path(self.path.absolute())
+        try:
+            size = write_whole(temp, data)
+            self.put(temp)
+        finally:
+            with suppress(OSError):
+                temp.unlink()
+        return size
+
+    def _check_present(self) -> None:
+        if _identity(self.path) in self._inputs:
+            raise self._refused("it is what this command reads", "Choose another name.")
+        try:
+            mode = os.stat(self.path).st_mode
+            if not stat.S_ISREG(mode):
+                what = "a folder" if stat.S_ISDIR(mode) else "not a regular file"
+                raise self._refused(f"it is {what}", "Choose another name.")
+            with open_regular(self.path) as file:
+                head = file.read(_HEAD_BYTES)
+            is_source = self._digest is not None and content_digest([self.path]) == self._digest
+        except FileNotFoundError as error:
+            raise self._refused("it is a broken link", "Choose another name.") from error
+        except (OSError, InputError) as error:
+            raise self._refused(
+                "there is a file that cannot be looked into", "Choose another name."
+            ) from error
+        if is_source:
+            raise self._refused("it is the source of this folder", "Choose another name.")
+        if head and not self._kind.begins(head):
+            raise self._refused(
+                f"there is a file that is no {self._kind.word}", "Choose another name."
+            )
+        if not self._replaces or (not head and not self._overwrite):
+            raise self._refused("it exists already", "Choose another name, or --overwrite.")
+
+    def _refused(self, what: str, remedy: str) -> OutputError:
+        return OutputError(f"not written: {what}", where=os.fspath(self.path), remedy=remedy)
+
+
+def _identity(path: StrPath) -> tuple[int, int] | None:
+    """What tells a file whatever it is called: through links, and where case does not count."""
+    try:
+        found = os.stat(path)
+    except (OSError, ValueError):
+        return None
+    return found.st_dev, found.st_ino
+
+
+def _is_linked(temp: Path, path: Path) -> bool:
+    """Name `temp` as `path` unless somebody was first; a rename would replace what they made."""
+    if os.name == "nt":
+        return False
+    try:
+        os.link(temp, path)
+    except FileExistsError:
+        return False
+    except OSError as error:
+        if error.errno in _NO_LINKS:
+            return False
+        raise
+    temp.unlink()
+    return True
