@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from itmo_video.cli.outcome import reported
 from itmo_video.cli.run_flags import add_run_options, start_number
 from itmo_video.cli.settings_flags import add_settings, settings_of
-from itmo_video.errors import ItmoError, UsageError
+from itmo_video.errors import DamagedInputError, ItmoError, UsageError
 from itmo_video.settings import Settings
 
 if TYPE_CHECKING:
@@ -117,20 +117,26 @@ def _convert_one(
     if args.dry_run:
         print(checking.describe_plan(source, output, settings, run))
         return
-    if args.report and args.null:
-        raise UsageError("a report needs the frames", remedy="Leave --null or --report out.")
+    if args.report:
+        from itmo_video.report.page import report_gate, require_templates, write_report
+
+        if args.null:
+            raise UsageError("a report needs the frames", remedy="Leave --null or --report out.")
+        require_templates()
     executor = None
     if args.scheduler is not None:
         from itmo_video.cluster.dask_executor import cluster_executor
 
         executor = cluster_executor(args.scheduler)
     if args.report and os.path.isdir(output):
-        from itmo_video.report.page import report_gate
-
         report_gate(Path(output), None, source, None, overwrite=args.overwrite).check()
     progress = Progress(as_json=args.json, quiet=args.quiet)
-    convert(source, output, settings, run, progress.on_event, executor)
-    if args.report:
-        from itmo_video.report.page import write_report
-
+    damage: DamagedInputError | None = None
+    try:
+        convert(source, output, settings, run, progress.on_event, executor)
+    except DamagedInputError as error:
+        damage = error  # what could be made has its page, too
+    if args.report and any(Path(output).glob("*.exr")):
         write_report(output, clip=source, overwrite=args.overwrite)
+    if damage is not None:
+        raise damage

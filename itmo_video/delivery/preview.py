@@ -27,6 +27,7 @@ from itmo_video.delivery.hdr import Chroma, Light
 from itmo_video.delivery.metadata import Mastering
 from itmo_video.delivery.pictures import Picture, Pictures
 from itmo_video.errors import DamagedInputError, UsageError
+from itmo_video.output.converted import open_converted
 from itmo_video.output.folder import read_manifest
 from itmo_video.output.gate import FILM, STILL, Gate
 from itmo_video.settings import Settings
@@ -84,6 +85,7 @@ def preview(
 ) -> PreviewSummary:
     """Make a film or a still of a clip, converted on the fly, or of a converted folder.
 
+    A folder is shown as it is and its source is read as it was then: `settings` are for clips.
     Raises the errors of itmo_video.errors, DamagedInputError only after all that decodes was
     written; OutputError before any work where `output` may not be written over (output.gate).
     `on_event` gets dicts with "event": started, frame, finished.
@@ -97,9 +99,8 @@ def preview(
     gate = _gate(source, output, options, run)
     gate.check()
     if source.is_dir():
-        pictures = from_folder(
-            source, options.clip if _wants_clip(options) else None, run, settings
-        )
+        clip = options.clip if options.view == "compare" else None
+        pictures = from_folder(open_converted(source), clip, run)
         pictures.clip = options.clip
     else:
         pictures = from_clip(source, settings or Settings(), run)
@@ -154,10 +155,6 @@ def _gate(source: Path, output: Path, options: PreviewOptions, run: RunOptions) 
         overwrite=run.overwrite,
         source_digest=manifest.source_digest if manifest else None,
     )
-
-
-def _wants_clip(options: PreviewOptions) -> bool:
-    return options.view == "compare"
 
 
 def _signal(options: PreviewOptions) -> encode.Signal:

@@ -11,10 +11,10 @@ from fractions import Fraction
 from pathlib import Path
 
 from itmo_video.colour.primaries import INTEROP_IDS
-from itmo_video.errors import InputError, OutputError, UsageError
+from itmo_video.errors import OutputError, UsageError
 from itmo_video.output.atomic import write_whole
-from itmo_video.output.exr import read_exr
-from itmo_video.output.folder import OutputFolder, read_manifest
+from itmo_video.output.converted import open_converted
+from itmo_video.output.folder import OutputFolder
 
 OCIO_NAMES: dict[str, str] = {
     "rec709": "Linear Rec.709 (sRGB)",
@@ -145,24 +145,15 @@ def write_side_files(folder: str | Path, kinds: Sequence[str]) -> list[Path]:
 
 
 def _sequence_in(folder: Path) -> FrameSequence:
-    manifest = read_manifest(folder)
-    if manifest is None:
-        raise InputError(
-            "no conversion's folder", where=str(folder), remedy="Convert a clip first."
-        )
-    files = OutputFolder(folder, manifest.stem)
-    numbers = files.frame_numbers()
-    if not numbers:
-        raise InputError("there is no frame in it", where=str(folder))
-    first = read_exr(files.frame_path(numbers[0]))
+    found = open_converted(folder)
     return FrameSequence(
         folder,
-        manifest.stem,
-        numbers,
-        first.size,
-        Fraction(first.attributes.get("framesPerSecond") or 24),
-        first.primaries,
-        float(first.attributes["whiteLuminance"]),
+        found.manifest.stem,
+        found.numbers,
+        found.size,
+        found.frame_rate,
+        found.first_image.primaries,
+        found.white_nits,
     )
 
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
@@ -19,8 +19,8 @@ from itmo_video.colour.primaries import rgb_to_rgb_matrix
 from itmo_video.conversion.frame_ranges import format_ranges
 from itmo_video.errors import InputError
 from itmo_video.model import Float32, Frame
+from itmo_video.output.converted import find_converted
 from itmo_video.output.exr import ExrImage, read_exr
-from itmo_video.output.folder import OutputFolder, read_manifest
 from itmo_video.settings import Settings, settings_from
 from itmo_video.source.opening import Clip, input_options, open_clip
 
@@ -63,20 +63,15 @@ class Pair:
 
 def open_sequence(folder: Path) -> ExrSequence:
     """The EXR files of a folder; InputError where there are none or their manifest is not valid."""
-    manifest = read_manifest(folder)
-    if manifest is not None:
-        output = OutputFolder(folder, manifest.stem)
-        files = {number: output.frame_path(number) for number in output.frame_numbers()}
-        first = manifest.settings.get("first_number", 1)
-        known = {f.name for f in fields(Settings)}
-        values = {name: value for name, value in manifest.settings.items() if name in known}
-        settings: Settings | None = settings_from(values)
+    made = find_converted(folder)
+    if made is not None:
+        files, first, settings = made.files, made.first_number, made.settings
     else:
         files, settings = _numbered(sorted(folder.glob("*.exr"))), None
         first = min(files, default=0)
     if not files:
         raise InputError("no EXR files in it", where=str(folder))
-    return ExrSequence(folder, files, int(str(first)), settings)
+    return ExrSequence(folder, files, first, settings)
 
 
 def _numbered(paths: Sequence[Path]) -> dict[int, Path]:

@@ -21,7 +21,7 @@ from itmo_video.motion.shots import CUT_REACH, Analysed, Placed
 class Key:
     """A keyframe: its picture, its own map, and flows to the neighbouring keys of its shot."""
 
-    placed: Placed
+    placed: Placed[Analysed]
     raw_map: Future[Float32]
     to_previous: Future[Float32] | None = None
     to_next: Future[Float32] | None = None
@@ -84,7 +84,7 @@ def smooth_map(keys: Sequence[Key], at: int, reach: int) -> Float32:
 
 
 def spans(
-    placed: Iterable[Placed],
+    placed: Iterable[Placed[Analysed]],
     make_map: Callable[[Analysed], Float32],
     smooth_keys: int,
     first_needed: int,
@@ -98,7 +98,7 @@ def spans(
     what was given to it before, so one that begins its work in order cannot come to a stop.
     """
     shot: list[Key] = []  # the recent keys of the current shot, oldest first
-    waiting: list[tuple[Key, list[Placed]]] = []  # spans whose maps wait for later keys
+    waiting: list[tuple[Key, list[Placed[Analysed]]]] = []  # spans whose maps wait for later keys
     smoothed: dict[int, Future[Float32]] = {}
 
     def smooth(key: Key) -> Future[Float32]:
@@ -144,7 +144,7 @@ def spans(
 def _span(
     left: Key,
     left_map: Future[Float32],
-    frames: list[Placed],
+    frames: list[Placed[Analysed]],
     right: Key | None,
     right_map: Future[Float32] | None,
 ) -> Span:

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Generic, Protocol, TypeVar
 
 import cv2
 import numpy as np
@@ -21,6 +22,21 @@ CUT_DIFFERENCE = 0.045  # mean absolute difference of tiny pictures, 0 to 1
 CUT_RATIO = 3.0  # how far a cut stands out from the changes around it
 FLASH_RATIO = 0.5  # alike again within reach: a flash, not a cut
 TINY_SIZE = (32, 18)
+
+
+class Seen(Protocol):
+    """What finding cuts asks of a frame: its index and its picture at TINY_SIZE, 0 to 1."""
+
+    @property
+    def index(self) -> int:
+        """Index in presentation order."""
+
+    @property
+    def tiny(self) -> Float32:
+        """Grey picture, float32."""
+
+
+S = TypeVar("S", bound=Seen)
 
 
 @dataclass(frozen=True)
@@ -39,13 +55,13 @@ class Analysed:
 
 
 @dataclass(frozen=True)
-class Placed:
-    """An analysed frame that knows its place: whether it starts or ends a shot, and is a key.
+class Placed(Generic[S]):
+    """A frame that knows its place: whether it starts or ends a shot, and is a key.
 
     A flash is no source for its neighbours: it is a key only at the end of a shot.
     """
 
-    analysed: Analysed
+    analysed: S
     starts_shot: bool
     ends_shot: bool
     is_key: bool
@@ -60,12 +76,12 @@ def analyse_frame(frame: Frame, map_width: int) -> Analysed:
     return Analysed(frame, guide, grey, tiny / np.float32(255))
 
 
-def difference(a: Analysed, b: Analysed) -> float:
+def difference(a: Seen, b: Seen) -> float:
     """Mean absolute difference of two tiny pictures, 0 to 1; 1 across a gap in the numbering."""
     return float(cv2.norm(a.tiny, b.tiny, cv2.NORM_L1)) / a.tiny.size
 
 
-def is_cut(window: Sequence[Analysed], at: int) -> bool:
+def is_cut(window: Sequence[Seen], at: int) -> bool:
     """Whether `window[at]` starts a new shot; the window reaches CUT_REACH frames to both sides.
 
     A cut stands out from the changes around it. It is a flash instead if some frame before it and
@@ -92,7 +108,7 @@ def is_cut(window: Sequence[Analysed], at: int) -> bool:
     )
 
 
-def is_flash(window: Sequence[Analysed], at: int) -> bool:
+def is_flash(window: Sequence[Seen], at: int) -> bool:
     """Whether `window[at]` is unlike frames on both its sides that are alike themselves.
 
     The frames compared are at most CUT_REACH + 1 apart: that long a flash may be.
@@ -110,13 +126,13 @@ def is_flash(window: Sequence[Analysed], at: int) -> bool:
     return False
 
 
-def place(frames: Iterable[Analysed], key_interval: int, start: int) -> Iterator[Placed]:
+def place(frames: Iterable[S], key_interval: int, start: int) -> Iterator[Placed[S]]:
     """Mark shots and keys; looks CUT_REACH + 1 frames ahead and CUT_REACH + 1 back.
 
     `start` is the index from which the frames were asked for: a first frame beyond it, or the
     clip's first, begins a shot.
     """
-    window: deque[Analysed] = deque()
+    window: deque[S] = deque()
     cuts: dict[int, bool] = {}
     source = iter(frames)
     done = False
@@ -162,7 +178,7 @@ def _is_key_due(index: int, flashes: Mapping[int, bool], key_interval: int) -> b
     return False
 
 
-def _cut(window: Sequence[Analysed], at: int, cuts: dict[int, bool]) -> bool:
+def _cut(window: Sequence[Seen], at: int, cuts: dict[int, bool]) -> bool:
     index = window[at].index
     if index not in cuts:
         first = max(0, at - CUT_REACH - 1)

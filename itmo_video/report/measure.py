@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterable
+from dataclasses import dataclass
 from fractions import Fraction
-from itertools import pairwise
+from itertools import chain
 
 import cv2
 import numpy as np
@@ -16,25 +16,21 @@ from itmo_video.colour.primaries import luminance_weights
 from itmo_video.delivery import hdr
 from itmo_video.delivery.hdr import Light
 from itmo_video.delivery.pictures import Picture
+from itmo_video.errors import DamagedInputError
 from itmo_video.evaluation import flicker
-from itmo_video.model import Code, Encoding, Float32, Float64, Frame
-from itmo_video.motion.shots import TINY_SIZE, Analysed, analyse_frame, place
+from itmo_video.model import Code, Float32, Float64
+from itmo_video.motion.shots import TINY_SIZE, analyse_frame, place
 
 BINS_A_STOP = 2
 LOWEST_STOP = -14
 HIGHEST_STOP = 16
 PERCENTILES = (1, 50, 90, 99)
 _SMALL_WIDTH = 160  # of maps and gains as flicker is measured
-_NO_ENCODING = Encoding("grey", 8, "bt709", "full", "bt1886", "rec709")
-_NO_GUIDE, _NO_GREY = np.zeros((1, 1), np.float32), np.zeros((1, 1), np.uint8)
 
 
 @dataclass(frozen=True)
 class FrameFacts:
-    """One frame measured: luminance in nits, `coverage` the map's mean, 0 to 1, None if unknown.
-
-    `histogram` counts pixels by half stops of luminance about SDR white from LOWEST_STOP up.
-    """
+    """One frame measured: luminance in nits, `coverage` the map's mean, 0 to 1, None if unknown."""
 
     index: int
     number: int
@@ -45,34 +41,45 @@ class FrameFacts:
     percentiles: tuple[float, ...]
     at_peak: float
     not_finite: int
-    histogram: Float64
     coverage: float | None
-    map_small: Float32 | None = None
-    gain_small: Float32 | None = None
-    grey: Code | None = None
-    tiny: Float32 | None = None
 
 
-@dataclass
+@dataclass(frozen=True, eq=False)
+class Measured:
+    """A frame's facts, and small pictures of it that are looked at beside its neighbours'.
+
+    `histogram` counts pixels by half stops of luminance about SDR white from LOWEST_STOP up.
+    """
+
+    facts: FrameFacts
+    histogram: Float64
+    map_small: Float32 | None
+    gain_small: Float32 | None
+    grey: Code
+    tiny: Float32
+
+    @property
+    def index(self) -> int:
+        """Index in presentation order."""
+        return self.facts.index
+
+
+@dataclass(frozen=True)
 class FilmFacts:
     """All frames measured: `cuts` and `keys` are indices; flickers by frame, None if unknown.
 
     Flicker is the mean absolute change from the frame before along the motion between them, 0 for
-    the first frame of a shot.
+    the first frame of a shot. `histogram` is the share of all pixels in each half stop from
+    LOWEST_STOP up; it sums to 1.
     """
 
     frames: list[FrameFacts]
     light: Light
-    cuts: list[int] = field(default_factory=list)
-    keys: list[int] = field(default_factory=list)
-    map_flicker: list[float] | None = None
-    gain_flicker: list[float] | None = None
-
-    @property
-    def histogram(self) -> Float64:
-        """Share of all pixels in each half stop from LOWEST_STOP up; sums to 1."""
-        total = np.sum([frame.histogram for frame in self.frames], axis=0)
-        return np.asarray(total / max(1.0, total.sum()), np.float64)
+    histogram: Float64
+    cuts: list[int]
+    keys: list[int]
+    map_flicker: list[float] | None
+    gain_flicker: list[float] | None
 
 
 def luminance_of(picture: Picture, primaries: str) -> Float32:
@@ -85,7 +92,7 @@ def luminance_of(picture: Picture, primaries: str) -> Float32:
 
 def measure(
     picture: Picture, primaries: str, white_nits: float, peak_nits: float, map_width: int
-) -> FrameFacts:
+) -> Measured:
     """Measure one frame; thread-safe."""
     luminance = luminance_of(picture, primaries)
     finite = np.isfinite(luminance)
@@ -101,52 +108,76 @@ def measure(
     assert low is not None
     map_full = picture.layers.get("expand_map.Y")
     map_small = None if map_full is None else _small(np.asarray(map_full, np.float32))
-    return FrameFacts(
+    facts = FrameFacts(
         picture.index, picture.number, picture.time_s, hdr.frame_light(nits),
         float(luminance.max()) * white_nits, float(luminance.mean()) * white_nits,
         tuple(float(p) for p in percentiles),
         float(np.mean(luminance >= 0.98 * peak_nits / white_nits)), broken,
-        counts.astype(np.float64), None if map_small is None else float(map_small.mean()),
-        map_small, _gain(picture, luminance), _grey(luminance),
+        None if map_small is None else float(map_small.mean()),
+    )  # fmt: skip
+    return Measured(
+        facts, counts.astype(np.float64), map_small, _gain(picture, luminance), _grey(luminance),
         _tiny(picture, luminance, map_width),
     )  # fmt: skip
 
 
-def film_facts(frames: Sequence[FrameFacts], key_interval: int) -> FilmFacts:
-    """Put frames in presentation order together; finds cuts and keys as the conversion does."""
-    facts = FilmFacts(list(frames), hdr.film_light(frame.light for frame in frames))
-    analysed = [
-        Analysed(Frame(f.index, f.time_s, (), _NO_ENCODING), _NO_GUIDE, _NO_GREY, f.tiny)
-        for f in frames
-        if f.tiny is not None
-    ]
-    for placed in place(analysed, key_interval, frames[0].index):
-        index = placed.analysed.index
-        if placed.starts_shot and index != frames[0].index:
-            facts.cuts.append(index)
+def film_facts(frames: Iterable[Measured], key_interval: int) -> FilmFacts:
+    """Put frames in presentation order together; finds cuts and keys as the conversion does.
+
+    Holds the small pictures of a few neighbours only, however long the film. Raises
+    DamagedInputError where there is no frame.
+    """
+    source = iter(frames)
+    first = next(source, None)
+    if first is None:
+        raise DamagedInputError("no frame of it can be read")
+    start, total = first.index, np.zeros_like(first.histogram)
+    facts: list[FrameFacts] = []
+    cuts: list[int] = []
+    keys: list[int] = []
+    maps: list[float | None] = []
+    gains: list[float | None] = []
+    before: Measured | None = None
+    waiting = chain((first,), source)
+    del first  # else it would be held to the end
+    for placed in place(waiting, key_interval, start):
+        now = placed.analysed
+        starts_shot = before is None or placed.starts_shot
+        if starts_shot and before is not None:
+            cuts.append(now.index)
         if placed.is_key:
-            facts.keys.append(index)
-    maps, gains = [0.0], [0.0]
-    for before, after in pairwise(facts.frames):
-        follows = after.index == before.index + 1 and after.index not in facts.cuts
-        changed = _changes(before, after) if follows else (0.0, 0.0)
-        maps.append(changed[0])
-        gains.append(changed[1])
-    facts.map_flicker = maps if all(f.map_small is not None for f in frames) else None
-    facts.gain_flicker = gains if all(f.gain_small is not None for f in frames) else None
-    return facts
+            keys.append(now.index)
+        map_change, gain_change = _changes(now if before is None else before, now, starts_shot)
+        maps.append(map_change)
+        gains.append(gain_change)
+        facts.append(now.facts)
+        total += now.histogram
+        before = now
+    return FilmFacts(
+        facts, hdr.film_light(frame.light for frame in facts), total / max(1.0, total.sum()),
+        cuts, keys, _if_all_known(maps), _if_all_known(gains),
+    )  # fmt: skip
 
 
-def _changes(before: FrameFacts, after: FrameFacts) -> tuple[float, float]:
-    """Mean absolute changes of map and gain along motion; 0 where unknown."""
-    if before.grey is None or after.grey is None:
-        return 0.0, 0.0
-    flow, valid = flicker.estimated_flow(after.grey, before.grey)
-    pairs = ((before.map_small, after.map_small), (before.gain_small, after.gain_small))
+def _if_all_known(values: list[float | None]) -> list[float] | None:
+    known = [value for value in values if value is not None]
+    return known if len(known) == len(values) else None
+
+
+def _changes(
+    before: Measured, now: Measured, starts_shot: bool
+) -> tuple[float | None, float | None]:
+    """Mean absolute changes of map and gain along motion; None where there is no map or gain."""
+    if starts_shot:
+        return None if now.map_small is None else 0.0, None if now.gain_small is None else 0.0
+    pairs = ((before.map_small, now.map_small), (before.gain_small, now.gain_small))
+    flow, valid = flicker.estimated_flow(now.grey, before.grey)
     changes = [
-        0.0
-        if a is None or b is None or not valid.any()
+        None
+        if a is None or b is None
         else flicker.change_along(a, b, flow, valid)
+        if valid.any()
+        else 0.0
         for a, b in pairs
     ]
     return changes[0], changes[1]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import base64
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -18,14 +18,14 @@ from itmo_video.conversion.plan import RunOptions
 from itmo_video.delivery import sdr
 from itmo_video.delivery.from_folder import from_folder
 from itmo_video.delivery.pictures import Picture, Pictures
-from itmo_video.errors import DamagedInputError, UsageError
-from itmo_video.output.folder import Manifest, read_manifest
+from itmo_video.errors import UsageError
+from itmo_video.output.converted import Converted, open_converted, peak_nits_of
+from itmo_video.output.folder import Manifest
 from itmo_video.output.gate import PAGE, Gate
 from itmo_video.report import embed, measure, plots
-from itmo_video.report.measure import FilmFacts, FrameFacts
-from itmo_video.settings import settings_from
+from itmo_video.report.measure import FilmFacts, Measured
 from itmo_video.source.facts import clip_facts
-from itmo_video.source.opening import input_files, input_options, open_clip
+from itmo_video.source.opening import input_files
 
 MAX_FRAMES = 24
 MAX_WIDTH = 640
@@ -47,25 +47,18 @@ def write_report(
     no conversion, UsageError where the extra "report" is missing, and OutputError where `output`
     may not be written over: a report at FOLDER/report.html may, all else only with `overwrite`.
     """
-    _templates()  # a missing extra is told before the work
+    require_templates()
     folder = Path(folder)
-    manifest = read_manifest(folder)
-    gate = report_gate(folder, output, clip, manifest, overwrite=overwrite)
+    converted = open_converted(folder)
+    gate = report_gate(folder, output, clip, converted.manifest, overwrite=overwrite)
     gate.check()
-    output = gate.path
-    settings = dict(manifest.settings) if manifest else {}
-    first = settings.pop("first_number", 1)
-    # l_white and l_max are resolved in it, and peak_nits may stand beside them.
-    converted = settings_from({**settings, "layers": tuple(_list(settings.get("layers")))})
-    pictures = from_folder(folder, Path(clip) if clip else None, RunOptions(), converted)
-    assert manifest is not None
-    on_event({"event": "started", "input": str(folder), "output": str(output),
+    pictures = from_folder(converted, Path(clip) if clip else None, RunOptions())
+    on_event({"event": "started", "input": str(folder), "output": str(gate.path),
               "frames": len(pictures.numbers), "present": 0})  # fmt: skip
-    frames, embedded = _measured(pictures, converted.map_width, on_event)
-    facts = measure.film_facts(frames, converted.key_reach)
-    text = render_page(manifest, pictures, facts, embedded, _source_facts(clip, converted), first)
+    facts, embedded = _measured(pictures, converted, on_event)
+    text = render_page(converted, pictures, facts, embedded, _source_facts(clip, converted))
     gate.write(text.encode("utf-8", "backslashreplace"))
-    return output
+    return gate.path
 
 
 def report_gate(
@@ -88,32 +81,33 @@ def report_gate(
 
 
 def _measured(
-    pictures: Pictures, map_width: int, on_event: Callable[[Event], None]
-) -> tuple[list[FrameFacts], list[embed.Embedded]]:
-    numbers = pictures.numbers
+    pictures: Pictures, converted: Converted, on_event: Callable[[Event], None]
+) -> tuple[FilmFacts, list[embed.Embedded]]:
+    numbers, settings = pictures.numbers, converted.settings
     count = min(MAX_FRAMES, len(numbers))
     wanted = {numbers[round(i)] for i in np.linspace(0, len(numbers) - 1, count)}
     peak = pictures.peak_nits / pictures.white_nits
+    shown: list[embed.Embedded] = []
 
-    def work(picture: Picture) -> tuple[FrameFacts, embed.Embedded | None]:
+    def work(picture: Picture) -> tuple[Measured, embed.Embedded | None]:
+        own_peak = peak_nits_of(converted.settings_of(picture.number))
         told = measure.measure(
-            picture, pictures.primaries, pictures.white_nits, pictures.peak_nits, map_width
+            picture, pictures.primaries, pictures.white_nits, own_peak, settings.map_width
         )
         if picture.number not in wanted:
             return told, None
         return told, embed.embed(picture, pictures.primaries, peak, MAX_WIDTH)
 
-    frames: list[FrameFacts] = []
-    shown: list[embed.Embedded] = []
-    for told, picture in pictures.mapped(work):
-        frames.append(told)
-        if picture is not None:
-            shown.append(picture)
-        on_event({"event": "frame", "number": told.number, "done": len(frames),
-                  "of": len(numbers)})  # fmt: skip
-    if not frames:
-        raise DamagedInputError("no frame of it can be read")
-    return frames, thinned(shown, MAX_PICTURE_CHARACTERS)
+    def measured() -> Iterator[Measured]:
+        for done, (told, picture) in enumerate(pictures.mapped(work), 1):
+            if picture is not None:
+                shown.append(picture)
+            on_event({"event": "frame", "number": told.facts.number, "done": done,
+                      "of": len(numbers)})  # fmt: skip
+            yield told
+
+    facts = measure.film_facts(measured(), settings.key_reach)
+    return facts, thinned(shown, MAX_PICTURE_CHARACTERS)
 
 
 def thinned(shown: Sequence[embed.Embedded], most: int) -> list[embed.Embedded]:
@@ -127,14 +121,14 @@ def thinned(shown: Sequence[embed.Embedded], most: int) -> list[embed.Embedded]:
 
 
 def render_page(
-    manifest: Manifest,
+    converted: Converted,
     pictures: Pictures,
     facts: FilmFacts,
     embedded: Sequence[embed.Embedded],
     source_facts: Sequence[tuple[str, str]],
-    first_number: object,
 ) -> str:
     """The page as text; every name and value is escaped by the template engine."""
+    manifest = converted.manifest
     white, frames = pictures.white_nits, facts.frames
     peak = pictures.peak_nits / white
     low, high = sdr.false_colour_range(peak)
@@ -158,8 +152,8 @@ def render_page(
         source_name=manifest.source_name, headline=_headline(pictures), viewer=viewer,
         style=_raw("report.css"), script=_raw("report.js"), frame_count=len(frames),
         white_nits=f"{white:g}", levels=_levels(facts), plots=_plots(facts), bars=bars,
-        tallest=f"{max(shares):.1%}", warnings=_warnings(facts, pictures, manifest, first_number),
-        facts=source_facts, settings=_settings_rows(manifest),
+        tallest=f"{max(shares):.1%}", warnings=_warnings(facts, pictures, converted),
+        facts=source_facts, settings=_settings_rows(converted),
     ))  # fmt: skip
 
 
@@ -212,9 +206,7 @@ def _plots(facts: FilmFacts) -> list[plots.Drawn]:
     return [plots.draw(plot) for plot in out]
 
 
-def _warnings(
-    facts: FilmFacts, pictures: Pictures, manifest: Manifest, first_number: object
-) -> list[str]:
+def _warnings(facts: FilmFacts, pictures: Pictures, converted: Converted) -> list[str]:
     frames, out = facts.frames, list(pictures.damage)
     numbers = [frame.number for frame in frames]
     gaps = sorted(set(range(numbers[0], numbers[-1] + 1)) - set(numbers))
@@ -232,19 +224,20 @@ def _warnings(
             f"MaxFALL is {facts.light.average:.0f} nits: televisions dim pictures above about 400."
         )
     if pictures.clip is None:
+        source = converted.manifest.source_name
         out.append(
-            f"The source was not given (report --source {manifest.source_name}), so there is no "
-            "before and after, and cuts are those seen in the result."
+            f"The source was not given (report --source {source}), so there is no before and "
+            "after, and cuts are those seen in the result."
         )
-    if not any("expand_map" in str(name) for name in _list(manifest.settings.get("layers"))):
+    if "expand_map" not in converted.settings.layers:
         out.append("The Expand Map was not stored (convert --layers expand_map).")
     return out
 
 
-def _source_facts(clip: str | Path | None, settings: Any) -> list[tuple[str, str]]:
+def _source_facts(clip: str | Path | None, converted: Converted) -> list[tuple[str, str]]:
     if clip is None:
         return [("source", "not given to this report")]
-    with open_clip(clip, input_options(settings)) as opened:
+    with converted.open_source(Path(clip)) as opened:
         told = clip_facts(opened.info)
     rows: list[tuple[str, str]] = []
     for name, value in told.items():
@@ -253,8 +246,19 @@ def _source_facts(clip: str | Path | None, settings: Any) -> list[tuple[str, str
     return rows
 
 
-def _settings_rows(manifest: Manifest) -> list[tuple[str, str]]:
-    return [(name.replace("_", "-"), _told(value)) for name, value in manifest.settings.items()]
+def _settings_rows(converted: Converted) -> list[tuple[str, str]]:
+    rows = [
+        (name.replace("_", "-"), _told(value))
+        for name, value in converted.manifest.settings.items()
+        if name != "shots"
+    ]
+    common = converted.settings.as_dict()
+    for shot in converted.shots:
+        first, last = (converted.first_number + index for index in (shot.first, shot.last))
+        own = {n: v for n, v in shot.settings.as_dict().items() if v != common[n]}
+        told = ", ".join(f"{n.replace('_', '-')} {_told(v)}" for n, v in own.items())
+        rows.append((f"frames {format_ranges(range(first, last + 1))}", told))
+    return rows
 
 
 def _told(value: object) -> str:
@@ -267,10 +271,6 @@ def _told(value: object) -> str:
     if isinstance(value, list | tuple):
         return ", ".join(_told(v) for v in value) or "none"
     return f"{value:g}" if isinstance(value, float) else json.dumps(value, default=str)
-
-
-def _list(value: object) -> list[object]:
-    return list(value) if isinstance(value, list | tuple) else []
 
 
 def _ramp() -> str:
@@ -287,6 +287,11 @@ def _raw(name: str) -> Any:
     return Markup(
         resources.files("itmo_video.report").joinpath("template", name).read_text("utf-8")
     )
+
+
+def require_templates() -> None:
+    """Raise UsageError where the extra "report" is missing: to be told before the work."""
+    _templates()
 
 
 def _templates() -> Any:

@@ -1,0 +1,169 @@
+"""A converted folder opened to be read: settings by shot, files by frame, and its source.
+
+All that looks at a finished conversion (previews, reports, figures, side files) goes in here, so
+that they read one folder in one way.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields, replace
+from fractions import Fraction
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from itmo_video.errors import InputError, UsageError
+from itmo_video.output.exr import ExrImage, read_exr
+from itmo_video.output.folder import Manifest, OutputFolder, read_manifest
+from itmo_video.settings import Settings, settings_from
+from itmo_video.source.opening import Clip, input_options, open_clip
+
+
+@dataclass(frozen=True)
+class ConvertedShot:
+    """Frames `first` to `last` (indices, inclusive) that were made with settings of their own."""
+
+    first: int
+    last: int
+    settings: Settings
+
+
+@dataclass(frozen=True)
+class Converted:
+    """A folder's settings and files; `files` by number, rising, `shots` sorted by their frames.
+
+    The file of `first_number` belongs to the source's frame 0. `settings` are those of frames that
+    no shot has settings of its own for.
+    """
+
+    path: Path
+    manifest: Manifest
+    settings: Settings
+    shots: tuple[ConvertedShot, ...]
+    first_number: int
+    files: Mapping[int, Path]
+
+    @property
+    def numbers(self) -> list[int]:
+        """The numbers of the frames that are there, rising."""
+        return list(self.files)
+
+    def index_of(self, number: int) -> int:
+        """The index of the source's frame that a file was made of."""
+        return number - self.first_number
+
+    def settings_of(self, number: int) -> Settings:
+        """What a frame was made with."""
+        index = self.index_of(number)
+        own = (shot.settings for shot in self.shots if shot.first <= index <= shot.last)
+        return next(own, self.settings)
+
+    @property
+    def white_nits(self) -> float:
+        """The luminance of 1.0."""
+        return self.settings.white_nits
+
+    @property
+    def peak_nits(self) -> float:
+        """The highest peak that a shot was made with."""
+        return max(
+            peak_nits_of(s) for s in (self.settings, *(shot.settings for shot in self.shots))
+        )
+
+    @cached_property
+    def first_image(self) -> ExrImage:
+        """The first frame; raises InputError where it does not open whole."""
+        return read_exr(self.files[self.numbers[0]])
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """(width, height) in pixels."""
+        return self.first_image.size
+
+    @property
+    def frame_rate(self) -> Fraction:
+        """Frames a second; 25 where the files do not say."""
+        return Fraction(self.first_image.attributes.get("framesPerSecond") or 25)
+
+    @property
+    def pixel_aspect(self) -> Fraction:
+        """Width over height of a pixel."""
+        stated = self.first_image.attributes.get("pixelAspectRatio", 1)
+        return Fraction(str(stated)).limit_denominator(1000)
+
+    def time_s(self, number: int, image: ExrImage) -> Fraction:
+        """A frame's presentation time in seconds: its own, or counted at the frame rate."""
+        stated: Any = image.attributes.get("itmoTime")
+        return Fraction(stated) if stated is not None else self.index_of(number) / self.frame_rate
+
+    def open_source(self, clip: Path, max_pixels: int = 2**27) -> Clip:
+        """The clip that the folder was made of, read as it was then.
+
+        Raises InputError where it is another one; frames are those of the folder's indices.
+        """
+        opened = open_clip(clip, input_options(self.settings, max_pixels))
+        if opened.info.digest != self.manifest.source_digest:
+            opened.close()
+            raise InputError(
+                f"not the clip that the folder was made of ({self.manifest.source_name!r})",
+                where=str(clip),
+            )
+        return opened
+
+
+def peak_nits_of(settings: Settings) -> float:
+    """The luminance of the brightest that settings can make."""
+    return settings.l_max_effective * settings.white_nits
+
+
+def open_converted(folder: Path) -> Converted:
+    """A converted folder; raises InputError where no conversion or no frame is there."""
+    found = find_converted(folder)
+    if found is None:
+        raise InputError(
+            "no conversion's folder", where=str(folder), remedy="Convert a clip first."
+        )
+    if not found.files:
+        raise InputError("there is no frame in it", where=str(folder))
+    return found
+
+
+def find_converted(folder: Path) -> Converted | None:
+    """A folder that has a manifest, with or without frames; None for anybody else's.
+
+    Raises InputError where the manifest is not valid.
+    """
+    manifest = read_manifest(folder)
+    if manifest is None:
+        return None
+    values = dict(manifest.settings)
+    try:
+        first, told = int(str(values.pop("first_number", 1))), values.pop("shots", [])
+        # What a later version may have added to it says nothing to this one.
+        settings = settings_from(_known(values))
+        shots = tuple(_shot(entry, settings) for entry in _sequence(told))
+        output = OutputFolder(folder, manifest.stem)
+    except (UsageError, ValueError, TypeError) as error:
+        what = error.what if isinstance(error, UsageError) else str(error)
+        raise InputError(f"its manifest is not valid: {what}", where=str(folder)) from error
+    files = {number: output.frame_path(number) for number in output.frame_numbers()}
+    return Converted(folder, manifest, settings, shots, first, files)
+
+
+def _known(values: Mapping[str, Any]) -> dict[str, Any]:
+    names = {f.name for f in fields(Settings)}
+    return {name: value for name, value in values.items() if name in names}
+
+
+def _shot(entry: object, base: Settings) -> ConvertedShot:
+    first, last, changed = _sequence(entry)
+    if not isinstance(changed, Mapping):
+        raise ValueError("a shot's settings are no table")
+    return ConvertedShot(int(str(first)), int(str(last)), replace(base, **_known(changed)))
+
+
+def _sequence(value: object) -> Sequence[object]:
+    if not isinstance(value, list | tuple):
+        raise ValueError("its shots are no list")
+    return value
