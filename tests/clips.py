@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from fractions import Fraction
 from pathlib import Path
 
@@ -35,6 +35,37 @@ def write_ffv1(
             box.mux(stream.encode(frame))
         assert stream is not None
         box.mux(stream.encode())
+    return path
+
+
+def write_film(
+    path: Path,
+    frames: Iterable[npt.NDArray[np.uint8]],
+    *,
+    fps: int = 25,
+    sound: Sequence[str] = (),
+    sound_s: float = 2,
+) -> Path:
+    """An H.264 film 4:2:0 of RGB frames, with a tone of `sound_s` seconds by each codec."""
+    with av.open(str(path), "w") as box:
+        first, *others = frames
+        stream = box.add_stream("libx264", rate=Fraction(fps))
+        stream.height, stream.width = first.shape[:2]
+        stream.pix_fmt = "yuv420p"
+        stream.codec_context.thread_count = 1
+        tones = [box.add_stream(codec, rate=48000, layout="mono") for codec in sound]
+        for i, codes in enumerate((first, *others)):
+            frame = av.VideoFrame.from_ndarray(codes, "rgb24").reformat(format="yuv420p", threads=1)
+            frame.pts = i
+            box.mux(stream.encode(frame))
+        box.mux(stream.encode())
+        for tone in tones:
+            for start in range(0, round(48000 * sound_s) - 1023, 1024):
+                wave = 0.3 * np.sin(2 * np.pi * 440 / 48000 * np.arange(start, start + 1024))
+                samples = av.AudioFrame.from_ndarray(wave[None].astype(np.float32), "fltp", "mono")
+                samples.sample_rate, samples.pts = 48000, start
+                box.mux(tone.encode(samples))
+            box.mux(tone.encode())
     return path
 
 

@@ -9,6 +9,7 @@ import pytest
 from itmo_video.kernels import library
 
 sys.path.insert(0, str(Path(__file__).parent))
+pytest_plugins = ["skips"]
 
 
 @pytest.fixture(scope="module", params=["compiled", "libraries"])

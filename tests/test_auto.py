@@ -148,7 +148,7 @@ def test_a_panorama_shows_the_network_what_lies_beyond_its_sides() -> None:
     assert np.abs(here - there)[bright].mean() < 0.5 * np.abs(here - flat)[bright].mean()
 
 
-@pytest.mark.skipif(not (SHARED / "data/panoramas").is_dir(), reason="../shared/data is not here")
+@pytest.mark.shared
 def test_truth_on_scenes_that_the_fit_has_not_seen(tmp_path: Path) -> None:
     """PQ-PSNR of the luminance at 1000 nits, over SDR left as it is; docs/auto.md has them all."""
     gains_db = {}

@@ -131,7 +131,7 @@ def test_unexpected_errors_show_no_traceback(
     assert "Traceback" not in err
 
 
-@pytest.mark.skipif(not (SHARED / "data/clips").is_dir(), reason="../shared/data is not here")
+@pytest.mark.shared
 @pytest.mark.parametrize("name", ["carphone_pristine.mp4", "nasa_13013.mp4", "chaplin.mp4"])
 def test_real_clips_give_a_file_a_frame(tmp_path: Path, name: str) -> None:
     assert main(["convert", str(SHARED / "data/clips" / name), str(tmp_path / "o"), "--quiet"]) == 0

@@ -50,7 +50,7 @@ def test_frames_are_dropped_and_repeated_by_time(tmp_path: Path) -> None:
                 assert (later[0].planes[0] == got[start].planes[0]).all()
 
 
-@pytest.mark.skipif(not (SHARED / "data/odd_clips").is_dir(), reason="../shared/data is not here")
+@pytest.mark.shared
 def test_a_variable_rate_becomes_constant(tmp_path: Path) -> None:
     clip = SHARED / "data/odd_clips/vfr_h264.mp4"
     with open_clip(clip) as source:

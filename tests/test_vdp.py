@@ -162,7 +162,7 @@ def test_pu21_is_the_metric_authors_own() -> None:
 
 
 @needs_vdp
-@pytest.mark.skipif(not (SHARED / "tools" / "jod.py").exists(), reason="no ../shared/tools here")
+@pytest.mark.shared
 def test_jod_is_that_of_the_shared_tool(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     panorama = SHARED / "data" / "panoramas" / "workshop.hdr"
     pan_clip, tool = (SHARED / "tools" / name for name in ("pan_clip.py", "jod.py"))
