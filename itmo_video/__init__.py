@@ -10,7 +10,8 @@ if TYPE_CHECKING:
     from itmo_video.analysis.model import Analysis
     from itmo_video.analysis.reading import read_analysis
     from itmo_video.conversion.convert import Summary, convert
-    from itmo_video.conversion.plan import Plan, RunOptions
+    from itmo_video.conversion.plan import Plan
+    from itmo_video.conversion.run_options import RunOptions
     from itmo_video.errors import (
         AlreadyHdrError,
         CheckFailedError,
@@ -42,7 +43,8 @@ _ROOMS = {
     ),
     "output.exr": ("read_exr",),
     "model": ("ClipInfo", "Encoding", "Frame"),
-    "conversion.plan": ("Plan", "RunOptions"),
+    "conversion.plan": ("Plan",),
+    "conversion.run_options": ("RunOptions",),
     "source.opening": ("Clip", "open_clip"),
     "presets": ("make_settings",),
     "settings": ("Settings",),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -26,8 +26,7 @@ def make_settings(preset: str = "default", **overrides: Any) -> Settings:
     if "operator" in values and overrides.get("operator", values["operator"]) != values["operator"]:
         # What a preset sets for its own operator would cripple another one.
         values = {name: value for name, value in values.items() if name not in _OF_OPERATOR}
-    if "l_max" in overrides and "peak_nits" in overrides:
-        raise UsageError("l-max and peak-nits exclude each other", remedy="Give one of the two.")
+    _require_one_maximum(overrides)
     if "peak_nits" in overrides:
         values.pop("l_max", None)
     if "l_max" in overrides:
@@ -73,4 +72,13 @@ def load_preset(preset: str) -> dict[str, Any]:
     table = read_preset(preset).get("settings", {})
     if not isinstance(table, dict):
         raise UsageError("[settings] must be a table", where=preset)
-    return {name.replace("-", "_"): value for name, value in table.items()}
+    values = {name.replace("-", "_"): value for name, value in table.items()}
+    _require_one_maximum(values, where=preset)
+    return values
+
+
+def _require_one_maximum(values: Mapping[str, Any], where: str | None = None) -> None:
+    if "l_max" in values and "peak_nits" in values:
+        raise UsageError(
+            "l-max and peak-nits exclude each other", where=where, remedy="Give one of the two."
+        )

@@ -5,11 +5,13 @@ from __future__ import annotations
 import dataclasses
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any
 
 from itmo_video.errors import UsageError
+from itmo_video.options import check_options, options_from
+from itmo_video.options import option as setting
 
 COMPRESSIONS = (
     "none", "rle", "zips", "zip", "piz", "pxr24", "b44", "dwaa", "dwab", "htj2k", "zstd",
@@ -20,52 +22,11 @@ OUTPUT_PRIMARIES = ("rec709", "rec2020", "acescg", "aces2065-1")
 
 
 @dataclass(frozen=True)
-class Spec:
-    """What a setting accepts and what it says of itself."""
-
-    help: str
-    kind: type
-    lower: float | None = None
-    upper: float | None = None
-    choices: tuple[str, ...] = ()
-    metavar: str | None = None
-
-    def check(self, name: str, value: object) -> object:
-        """The value, converted to its kind; raises UsageError where it is out of bounds."""
-        if self.kind is float and isinstance(value, int) and not isinstance(value, bool):
-            value = float(value)
-        if not isinstance(value, self.kind) or (self.kind is int and isinstance(value, bool)):
-            raise UsageError(f"{name} must be a {_KIND_NAMES[self.kind]}, not {value!r}")
-        if self.choices and value not in self.choices:
-            raise UsageError(f"{name} must be one of {', '.join(self.choices)}, not {value!r}")
-        if isinstance(value, int | float) and not isinstance(value, bool):
-            low = self.lower if self.lower is not None else float("-inf")
-            high = self.upper if self.upper is not None else float("inf")
-            if not low <= value <= high:
-                raise UsageError(f"{name} must be from {low:g} to {high:g}, not {value!r}")
-        return value
-
-
-_KIND_NAMES: dict[type, str] = {
-    float: "number", int: "whole number", bool: "true or false", str: "word",
-    tuple: "list", dict: "table",
-}  # fmt: skip
-
-
-def setting(default: Any, kind: type, help: str, **spec: Any) -> Any:
-    """A dataclass field that carries its Spec; `default` None means that it is derived."""
-    meta = {"spec": Spec(help=help, kind=kind, **spec)}
-    if isinstance(default, dict):
-        return field(default_factory=lambda: dict(default), metadata=meta)
-    return field(default=default, metadata=meta)
-
-
-@dataclass(frozen=True)
 class Settings:
     """All that a frame's pixels and its file depend on, beside the source; validated when made."""
 
     operator: str = setting(
-        "banterle2006", str, "how luminance is expanded; see `itmo-video operators`"
+        "banterle2006", str, "how luminance is expanded; see `itmo-video operators`", metavar="NAME"
     )
     l_max: float | None = setting(
         None, float, "maximum luminance, SDR white = 1 (default: peak-nits / white-nits)",
@@ -85,9 +46,9 @@ class Settings:
         None, float, "eq. 4's key instead of eq. 13: each frame's geometric mean then counts",
         lower=1e-4, upper=100, metavar="X",
     )  # fmt: skip
-    operator_params: dict[str, float] = setting(  # noqa: RUF009 - it makes a field
+    operator_params: dict[str, float] = setting(
         {}, dict, "an operator's own parameter, such as threshold=0.7 (any number of times)",
-        metavar="NAME=VALUE",
+        metavar="NAME=VALUE", flag="operator-param",
     )  # fmt: skip
     expand_map: bool = setting(True, bool, "weigh the expansion by the Expand Map")
     strength: float = setting(
@@ -165,14 +126,7 @@ class Settings:
     )  # fmt: skip
 
     def __post_init__(self) -> None:
-        for f in dataclasses.fields(self):
-            value = getattr(self, f.name)
-            spec = spec_of(f)
-            if isinstance(value, list):
-                value = tuple(value)
-            if value is None and f.default is None:
-                continue
-            object.__setattr__(self, f.name, spec.check(flag_name(f.name), value))
+        check_options(self)
         _ = self.frame_rate  # raises where it is no rate
         if self.timecode not in (None, "auto") and not _TIMECODE.fullmatch(str(self.timecode)):
             raise UsageError(
@@ -234,23 +188,6 @@ class Settings:
         return plain
 
 
-def spec_of(f: dataclasses.Field[Any]) -> Spec:
-    """The Spec of a settings field."""
-    spec = f.metadata["spec"]
-    assert isinstance(spec, Spec)
-    return spec
-
-
-def flag_name(name: str) -> str:
-    """The name as it is written on the command line."""
-    return name.replace("_", "-")
-
-
 def settings_from(values: Mapping[str, Any]) -> Settings:
     """Settings from plain values; raises UsageError for unknown names."""
-    known = {f.name for f in dataclasses.fields(Settings)}
-    if unknown := sorted(set(values) - known):
-        raise UsageError(
-            f"unknown setting {', '.join(unknown)}", remedy=f"Known: {', '.join(sorted(known))}"
-        )
-    return Settings(**values)
+    return options_from(Settings, values, "setting")

@@ -14,7 +14,7 @@ from clips import moving_scene, write_ffv1
 
 from itmo_video import RunOptions, convert, make_settings
 from itmo_video.cli.main import main
-from itmo_video.cli.settings_flags import named_number
+from itmo_video.cli.option_flags import named_number
 from itmo_video.errors import InputError, UsageError
 from itmo_video.evaluation import agreement, folders, sequence
 from itmo_video.evaluation.agreement import SDR, TEST, Display

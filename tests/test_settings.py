@@ -8,8 +8,9 @@ from pathlib import Path
 import pytest
 
 from itmo_video.errors import UsageError
+from itmo_video.options import spec_of
 from itmo_video.presets import load_preset, make_settings, preset_names
-from itmo_video.settings import Settings, settings_from, spec_of
+from itmo_video.settings import Settings, settings_from
 
 
 def test_every_setting_has_help_and_a_default_within_its_bounds() -> None:

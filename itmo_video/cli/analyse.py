@@ -6,8 +6,10 @@ import argparse
 import sys
 from typing import TYPE_CHECKING, Any
 
-from itmo_video.cli.run_flags import positive, start_number
+from itmo_video.cli.option_flags import add_options, options_of
+from itmo_video.cli.run_flags import OF_ANALYSE
 from itmo_video.cli.settings_flags import add_settings, settings_of
+from itmo_video.conversion.run_options import RunOptions
 from itmo_video.settings import Settings
 
 if TYPE_CHECKING:
@@ -26,20 +28,17 @@ def add_analyse(commands: Any) -> None:
     analyse.add_argument(
         "--output", metavar="FILE.json", help="where the JSON goes (default: standard output)"
     )
-    analyse.add_argument(
-        "--start-number", type=int, default=1, metavar="N", help="of the first frame (1)"
-    )
-    analyse.add_argument("--max-pixels", type=positive, default=2**27, metavar="N")
-    analyse.add_argument("--overwrite", action="store_true", help="replace FILE.json")
+    add_options(analyse, RunOptions, OF_ANALYSE)
     analyse.add_argument("--quiet", action="store_true", help="no notices")
     add_settings(analyse)
     analyse.set_defaults(run=_analyse)
 
 
 def _analyse(args: argparse.Namespace) -> int:
+    run = options_of(args, RunOptions)
     analyse_to(
-        args.input, args.output, settings_of(args), start_number(args), args.max_pixels,
-        overwrite=args.overwrite, quiet=args.quiet,
+        args.input, args.output, settings_of(args), run.start_number, run.max_pixels,
+        overwrite=run.overwrite, quiet=args.quiet,
     )  # fmt: skip
     return 0
 

@@ -5,16 +5,15 @@ from __future__ import annotations
 import argparse
 import os
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from itmo_video.cli.option_flags import options_of
 from itmo_video.cli.outcome import reported
-from itmo_video.cli.run_flags import add_run_options, start_number
+from itmo_video.cli.run_flags import add_run_options
 from itmo_video.cli.settings_flags import add_settings, settings_of
+from itmo_video.conversion.run_options import RunOptions
 from itmo_video.errors import DamagedInputError, ItmoError, UsageError
 from itmo_video.settings import Settings
-
-if TYPE_CHECKING:
-    from itmo_video.conversion.plan import RunOptions
 
 EXAMPLES = """\
 examples:
@@ -56,15 +55,9 @@ def add_convert(commands: Any) -> None:
 
 
 def _convert(args: argparse.Namespace) -> int:
-    from itmo_video.analysis.reading import read_analysis
-    from itmo_video.conversion.plan import RunOptions
-
     settings = settings_of(args)
-    kinds = _side_files(args, settings)
-    run = RunOptions(
-        args.frames, start_number(args), args.jobs, args.overwrite, args.update, args.durable,
-        args.null, args.max_pixels, read_analysis(args.analysis) if args.analysis else None,
-    )  # fmt: skip
+    run = options_of(args, RunOptions)
+    kinds = _side_files(args.side_files, settings, run)
     code = 0
     for source, output in _outputs(args.inputs, args.output):
         try:
@@ -81,13 +74,13 @@ def _convert(args: argparse.Namespace) -> int:
     return code
 
 
-def _side_files(args: argparse.Namespace, settings: Settings) -> list[str]:
-    kinds = [part for part in (args.side_files or "").split(",") if part]
+def _side_files(text: str | None, settings: Settings, run: RunOptions) -> list[str]:
+    kinds = [part for part in (text or "").split(",") if part]
     if kinds:
         from itmo_video.delivery.side_files import check_kinds
 
         check_kinds(kinds, settings.projection)
-        if args.null:
+        if run.null:
             raise UsageError("side files need the frames", remedy="Leave --null or them out.")
     return kinds
 
@@ -120,7 +113,7 @@ def _convert_one(
     if args.report:
         from itmo_video.report.page import report_gate, require_templates, write_report
 
-        if args.null:
+        if run.null:
             raise UsageError("a report needs the frames", remedy="Leave --null or --report out.")
         require_templates()
     executor = None
@@ -129,7 +122,7 @@ def _convert_one(
 
         executor = cluster_executor(args.scheduler)
     if args.report and os.path.isdir(output):
-        report_gate(Path(output), None, source, None, overwrite=args.overwrite).check()
+        report_gate(Path(output), None, source, None, overwrite=run.overwrite).check()
     progress = Progress(as_json=args.json, quiet=args.quiet)
     damage: DamagedInputError | None = None
     try:
@@ -137,6 +130,6 @@ def _convert_one(
     except DamagedInputError as error:
         damage = error  # what could be made has its page, too
     if args.report and any(Path(output).glob("*.exr")):
-        write_report(output, clip=source, overwrite=args.overwrite)
+        write_report(output, clip=source, overwrite=run.overwrite)
     if damage is not None:
         raise damage

@@ -7,8 +7,8 @@ import json
 from collections.abc import Mapping
 from typing import Any
 
+from itmo_video.options import flag_name
 from itmo_video.presets import load_preset, preset_names, read_preset
-from itmo_video.settings import flag_name
 
 
 def add_info(commands: Any) -> None:

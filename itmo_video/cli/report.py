@@ -5,6 +5,9 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
+from itmo_video.cli.option_flags import add_options, options_of
+from itmo_video.report.report_options import ReportOptions
+
 
 def add_report(commands: Any) -> None:
     """Add the subcommand."""
@@ -15,11 +18,7 @@ def add_report(commands: Any) -> None:
         "over time, light levels, settings. It works from the disk and asks nothing of a network.",
     )
     parser.add_argument("folder", metavar="OUTPUT_DIR", help="a converted folder")
-    parser.add_argument("--output", metavar="FILE.html", help="OUTPUT_DIR/report.html unless given")
-    parser.add_argument(
-        "--source", metavar="CLIP", help="the clip it was made of: before and after"
-    )
-    parser.add_argument("--overwrite", action="store_true", help="replace FILE.html")
+    add_options(parser, ReportOptions)
     parser.add_argument("--quiet", action="store_true", help="no progress")
     parser.set_defaults(run=_run)
 
@@ -28,9 +27,10 @@ def _run(args: argparse.Namespace) -> int:
     from itmo_video.cli.progress import Progress
     from itmo_video.report.page import write_report
 
+    options = options_of(args, ReportOptions)
     progress = Progress(as_json=False, quiet=args.quiet)
     path = write_report(
-        args.folder, args.output, args.source, progress.on_event, overwrite=args.overwrite
+        args.folder, options.output, options.clip, progress.on_event, overwrite=options.overwrite
     )
     print(path)
     return 0

@@ -11,7 +11,8 @@ from dataclasses import dataclass, replace
 
 from itmo_video.conversion.convert import Job, Summary, frames_to_make, render_job
 from itmo_video.conversion.frame_ranges import format_ranges
-from itmo_video.conversion.plan import ALGORITHM, RunOptions, make_plan
+from itmo_video.conversion.plan import ALGORITHM, make_plan
+from itmo_video.conversion.run_options import RunOptions
 from itmo_video.errors import ClusterError, DamagedInputError, InputError, ItmoError, OutputError
 from itmo_video.look import make_look
 from itmo_video.output.folder import OutputFolder, read_manifest

@@ -6,7 +6,8 @@ from pathlib import Path
 
 from itmo_video.conversion.convert import _other_settings, _shortage, frames_to_make
 from itmo_video.conversion.frame_ranges import format_ranges
-from itmo_video.conversion.plan import RunOptions, keys_on_grid, make_plan
+from itmo_video.conversion.plan import keys_on_grid, make_plan
+from itmo_video.conversion.run_options import RunOptions
 from itmo_video.errors import CheckFailedError
 from itmo_video.look import make_look
 from itmo_video.output import disk_space

@@ -12,7 +12,8 @@ from typing import Any
 
 from itmo_video.conversion.exr_headers import exr_header
 from itmo_video.conversion.frame_ranges import format_ranges
-from itmo_video.conversion.plan import Plan, RunOptions, make_plan
+from itmo_video.conversion.plan import Plan, make_plan
+from itmo_video.conversion.run_options import RunOptions
 from itmo_video.errors import DamagedInputError, OutputError
 from itmo_video.look import make_look
 from itmo_video.model import Frame

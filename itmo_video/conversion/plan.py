@@ -13,6 +13,7 @@ from typing import Any
 
 from itmo_video.analysis.model import Analysis
 from itmo_video.conversion.frame_ranges import format_ranges, parse_ranges
+from itmo_video.conversion.run_options import RunOptions
 from itmo_video.errors import UsageError
 from itmo_video.look import Look, make_look
 from itmo_video.model import ClipInfo
@@ -24,24 +25,6 @@ from itmo_video.settings import Settings
 from itmo_video.source.opening import Clip
 
 ALGORITHM = 5  # raise it whenever the same settings give other pixels
-
-
-@dataclass(frozen=True)
-class RunOptions:
-    """How a conversion is run; nothing of it but `analysis` changes a frame's bytes.
-
-    The shots of `analysis` give their frames a peak, a strength, or switch the expansion off.
-    """
-
-    frames: str | None = None
-    start_number: int = 1
-    jobs: int | None = None
-    overwrite: bool = False
-    update: bool = False
-    durable: bool = False
-    null: bool = False
-    max_pixels: int = 2**27
-    analysis: Analysis | None = None
 
 
 @dataclass(frozen=True)

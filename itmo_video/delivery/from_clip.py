@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from pathlib import Path
 
-from itmo_video.conversion.plan import RunOptions, make_plan
+from itmo_video.conversion.plan import make_plan
+from itmo_video.conversion.run_options import RunOptions
 from itmo_video.delivery.in_order import InOrder, run_in_order
 from itmo_video.delivery.pictures import Picture, Pictures, T, Work
 from itmo_video.look import make_look

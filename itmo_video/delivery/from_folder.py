@@ -10,7 +10,7 @@ from pathlib import Path
 import cv2
 
 from itmo_video.conversion.frame_ranges import format_ranges, parse_ranges
-from itmo_video.conversion.plan import RunOptions
+from itmo_video.conversion.run_options import RunOptions
 from itmo_video.delivery.pictures import Picture, Pictures, T, Work
 from itmo_video.errors import InputError, UsageError
 from itmo_video.model import Frame, Half

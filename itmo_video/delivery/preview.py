@@ -12,20 +12,21 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 from math import gcd
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
 from itmo_video.colour.primaries import CHROMATICITIES
 from itmo_video.conversion.convert import Event
-from itmo_video.conversion.plan import RunOptions
+from itmo_video.conversion.run_options import RunOptions
 from itmo_video.delivery import encode, hdr, sdr, stills
-from itmo_video.delivery.encode import Codec, FilmSpec, FilmWriter, YCbCr
+from itmo_video.delivery.encode import HIGH_CRF, FilmSpec, FilmWriter, YCbCr
 from itmo_video.delivery.from_clip import from_clip
 from itmo_video.delivery.from_folder import from_folder
 from itmo_video.delivery.hdr import Chroma, Light
 from itmo_video.delivery.metadata import Mastering
 from itmo_video.delivery.pictures import Picture, Pictures
+from itmo_video.delivery.preview_options import PreviewOptions
 from itmo_video.errors import DamagedInputError, UsageError
 from itmo_video.output.converted import open_converted
 from itmo_video.output.folder import read_manifest
@@ -33,26 +34,7 @@ from itmo_video.output.gate import FILM, STILL, Gate
 from itmo_video.settings import Settings
 from itmo_video.source.opening import input_files, is_film
 
-View = Literal["hdr10", "hlg", "sdr", "compare", "false-colour", "ladder"]
 STILLS = (".avif", ".png", ".jpg", ".jpeg")
-
-
-@dataclass(frozen=True)
-class PreviewOptions:
-    """How a preview looks and is encoded; `frame` (a number as in file names) asks for a still."""
-
-    view: View = "hdr10"
-    codec: Codec = "av1"
-    chroma: Chroma | None = None
-    crf: float | None = None
-    speed: str | None = None
-    tone_map: str = "bt2390"
-    layout: sdr.Layout = "side"
-    wipe_at: float = 0.5
-    scale: sdr.Scale = "stops"
-    hdr_compare: bool = False
-    frame: int | None = None
-    clip: Path | None = None
 
 
 @dataclass(frozen=True)
@@ -92,6 +74,8 @@ def preview(
     """
     options, run = options or PreviewOptions(), run or RunOptions()
     source, output = Path(source), Path(output)
+    is_jpeg = output.suffix.lower() in (".jpg", ".jpeg")
+    options = replace(options, view=options.view or ("sdr" if is_jpeg else "hdr10"))
     began = time.monotonic()
     _check(output, options)
     if options.frame is not None:
@@ -139,10 +123,11 @@ def _check(output: Path, options: PreviewOptions) -> None:
         raise UsageError("stills are PQ or SDR, not HLG", remedy="Take --as hdr10 or sdr.")
     if suffix in (".jpg", ".jpeg") and is_hdr:
         raise UsageError("JPEG cannot hold HDR", remedy="Take --as sdr, compare, false-colour, ...")
-    if options.tone_map not in sdr.TONE_MAPS:
-        raise UsageError(
-            f"unknown tone map {options.tone_map!r}", remedy=f"Known: {', '.join(sdr.TONE_MAPS)}"
-        )
+
+
+def _crf(options: PreviewOptions) -> float | None:
+    # ProRes is of high quality without being asked.
+    return HIGH_CRF.get(options.codec) if options.crf == "high" else options.crf
 
 
 def _gate(source: Path, output: Path, options: PreviewOptions, run: RunOptions) -> Gate:
@@ -219,7 +204,7 @@ def _film(
     chroma = options.chroma or encode.default_chroma(options.codec)
     spec = FilmSpec(
         2, 2, pictures.frame_rate, _time_base(pictures), pictures.pixel_aspect, _signal(options),
-        options.codec, chroma, pictures.peak_nits, options.crf, options.speed,
+        options.codec, chroma, pictures.peak_nits, _crf(options), options.speed,
     )  # fmt: skip
     encode.check_film(gate.path, spec)
     shots = pictures.mapped(lambda picture: _shot(picture, pictures, options, chroma))
@@ -281,7 +266,8 @@ def _still(pictures: Pictures, gate: Gate, options: PreviewOptions) -> Light:
         planes, light = hdr.master_frame(
             rgb, primaries, white, pictures.peak_nits, "pq", "420", picture.index
         )
-        return encode.encode_avif(planes, options.crf if options.crf is not None else 12), light
+        crf = _crf(options)
+        return encode.encode_avif(planes, crf if crf is not None else 12), light
 
     made = next(pictures.mapped(make), None)
     if made is None:

@@ -14,7 +14,7 @@ import numpy as np
 
 from itmo_video.conversion.convert import Event
 from itmo_video.conversion.frame_ranges import format_ranges
-from itmo_video.conversion.plan import RunOptions
+from itmo_video.conversion.run_options import RunOptions
 from itmo_video.delivery import sdr
 from itmo_video.delivery.from_folder import from_folder
 from itmo_video.delivery.pictures import Picture, Pictures

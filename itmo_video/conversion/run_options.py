@@ -1,0 +1,36 @@
+"""How a conversion is run: the options of `convert` that change no pixel, and its list of shots."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from itmo_video.analysis.model import Analysis
+from itmo_video.analysis.reading import read_analysis
+from itmo_video.options import check_options, option
+
+
+@dataclass(frozen=True)
+class RunOptions:
+    """How a conversion is run; nothing of it but `analysis` changes a frame's bytes.
+
+    The shots of `analysis` give their frames a peak, a strength, or switch the expansion off.
+    Validated when made; raises UsageError.
+    """
+
+    frames: str | None = option(
+        None, str, "numbers as in the file names: 1-100,200-300x2", metavar="RANGES"
+    )
+    start_number: int = option(1, int, "of the first frame", lower=0, metavar="N")
+    jobs: int | None = option(None, int, "worker threads (the cores)", lower=1, metavar="N")
+    overwrite: bool = option(False, bool, "replace what is there; of a folder, all frames")
+    update: bool = option(False, bool, "make again what other settings made")
+    durable: bool = option(False, bool, "wait until each file is on the disk")
+    null: bool = option(False, bool, "make everything, write nothing")
+    max_pixels: int = option(2**27, int, "a frame, at most", lower=1, metavar="N")
+    analysis: Analysis | None = option(
+        None, Analysis, "the file of `analyse`, with its shots as edited",
+        metavar="FILE.json", read=read_analysis,
+    )  # fmt: skip
+
+    def __post_init__(self) -> None:
+        check_options(self)

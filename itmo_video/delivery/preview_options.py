@@ -1,0 +1,66 @@
+"""How a preview looks and is encoded: the options of `preview`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+from itmo_video.options import check_options, option
+
+View = Literal["hdr10", "hlg", "sdr", "compare", "false-colour", "ladder"]
+OF_VIEW = (
+    "view", "frame", "tone_map", "layout", "wipe_at", "hdr_compare", "scale", "clip",
+)  # fmt: skip
+OF_ENCODING = ("codec", "chroma", "crf", "speed")
+
+
+@dataclass(frozen=True)
+class PreviewOptions:
+    """How a preview looks and is encoded; `frame` (a number as in file names) asks for a still.
+
+    Validated when made; raises UsageError.
+    """
+
+    view: View | None = option(
+        None, str, "what to show (hdr10; of a JPEG: sdr)", flag="as",
+        choices=("hdr10", "hlg", "sdr", "compare", "false-colour", "ladder"),
+    )  # fmt: skip
+    frame: int | None = option(
+        None, int, "a still of this frame, by its number", lower=0, metavar="N"
+    )
+    tone_map: str = option(
+        "bt2390", str, "how HDR is brought back to SDR",
+        choices=("bt2390", "reinhard", "hable", "aces", "clip"),
+    )  # fmt: skip
+    layout: Literal["side", "wipe"] = option(
+        "side", str, "of compare: side by side, or a wipe", choices=("side", "wipe")
+    )
+    wipe_at: float = option(0.5, float, "where the wipe is", lower=0, upper=1, metavar="X")
+    hdr_compare: bool = option(
+        False, bool, "compare as an HDR10 film instead of tone-mapped", flag="in-hdr"
+    )
+    scale: Literal["stops", "nits"] = option(
+        "stops", str, "false colour's legend", choices=("stops", "nits")
+    )
+    clip: Path | None = option(
+        None, Path, "a folder's source: sound, compare", flag="source", metavar="CLIP"
+    )
+    codec: Literal["av1", "hevc", "prores"] = option(
+        "av1", str, "of a film", choices=("av1", "hevc", "prores")
+    )
+    chroma: Literal["420", "422"] | None = option(
+        None, str, "4:2:0 or 4:2:2 (by the codec; av1 has 4:2:0)", choices=("420", "422")
+    )
+    crf: float | Literal["high"] | None = option(
+        None, float,
+        "0 best to 63 (av1: 25, hevc: 18 of 51, AVIF: 12), or `high`: pixels are the EXRs' "
+        "nits within 2 % in the median",
+        lower=0, upper=63, words=("high",), metavar="Q", aliases=("quality",),
+    )  # fmt: skip
+    speed: str | None = option(
+        None, str, "the encoder's preset (av1: 5 of 0 slow to 13; hevc: fast)", metavar="PRESET"
+    )
+
+    def __post_init__(self) -> None:
+        check_options(self)

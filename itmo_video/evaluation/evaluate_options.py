@@ -1,0 +1,59 @@
+"""What is measured, against what and on which display: the options of `evaluate`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from itmo_video.errors import UsageError
+from itmo_video.options import check_options, option
+
+
+@dataclass(frozen=True)
+class EvaluateOptions:
+    """What an EXR sequence is compared with; at least one of `source` and `reference` is needed.
+
+    Validated when made; raises UsageError.
+    """
+
+    source: Path | None = option(None, Path, "the SDR clip that it was made from", metavar="CLIP")
+    motion: Path | None = option(
+        None, Path, "known motion, as pan_clip.py writes it", metavar="FILE"
+    )
+    reference: Path | None = option(None, Path, "a folder of true EXR files", metavar="TRUTH")
+    key_interval: int | None = option(
+        None, int, "of key_to_key (default: the folder's own, 5)", lower=1, metavar="N"
+    )
+    white_nits: float | None = option(
+        None, float, "of 1.0 (default: the folder's own, 203)", lower=1, upper=10000, metavar="N"
+    )
+    display_peak: float = option(
+        1000.0, float, "the display's peak in nits; both sides are clipped to it",
+        lower=1, upper=1e6, metavar="N",
+    )  # fmt: skip
+    vdp: bool = option(False, bool, "add ColorVideoVDP's JOD (extra `vdp`; slow)")
+    heat_map: Path | None = option(
+        None, Path, "a film of where ColorVideoVDP sees differences (extra `vdp`; slow)",
+        metavar="FILE.mp4",
+    )  # fmt: skip
+    overwrite: bool = option(False, bool, "replace the film of --heat-map where it exists")
+    pixels_per_degree: float = option(
+        45.0, float, "of the visual field, for ColorVideoVDP", lower=1, upper=1000, metavar="N"
+    )
+    ibl: bool = option(
+        False, bool,
+        "of latitude-longitude panoramas: compare renders of a scene that they light (extra "
+        "`ibl`: Mitsuba); TEST and TRUTH may be one .exr or .hdr file, 1.0 being SDR white",
+    )  # fmt: skip
+
+    def __post_init__(self) -> None:
+        check_options(self)
+        if not self.source and not self.reference:
+            raise UsageError("nothing to compare with", remedy="Give --source CLIP or --reference.")
+        if (self.vdp or self.heat_map) and not self.reference:
+            raise UsageError("ColorVideoVDP needs the truth", remedy="Give --reference TRUTH.")
+        if self.ibl and (self.vdp or self.heat_map or self.motion or not self.reference):
+            raise UsageError(
+                "--ibl compares renders, and only those",
+                remedy="Give it --reference TRUTH, --source CLIP, and none of the others.",
+            )

@@ -1,0 +1,123 @@
+"""One definition an option: it serves flag, help, bounds, TOML and Python API alike.
+
+A frozen dataclass of fields made by `option` is validated by `check_options` when it is made:
+Settings is one, and so are the options of each command (RunOptions, PreviewOptions, ...).
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import os
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, TypeVar
+
+from itmo_video.errors import UsageError
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True)
+class Spec:
+    """What an option accepts and what it says of itself.
+
+    `words` are accepted beside its `kind`; `flag` is its name on the command line where that is not
+    the field's, `read` makes its value of the flag's text where that is more than its kind.
+    """
+
+    help: str
+    kind: type
+    lower: float | None = None
+    upper: float | None = None
+    choices: tuple[str, ...] = ()
+    words: tuple[str, ...] = ()
+    metavar: str | None = None
+    flag: str | None = None
+    aliases: tuple[str, ...] = ()
+    read: Callable[[str], Any] | None = None
+
+    def check(self, name: str, value: object) -> object:
+        """The value, converted to its kind; raises UsageError where it is out of bounds."""
+        if isinstance(value, str) and value in self.words:
+            return value
+        if self.kind is float and isinstance(value, int) and not isinstance(value, bool):
+            value = float(value)
+        if self.kind is tuple and isinstance(value, list):
+            value = tuple(value)
+        if self.kind is Path and isinstance(value, str | os.PathLike):
+            value = Path(value)
+        if not isinstance(value, self.kind) or (self.kind is int and isinstance(value, bool)):
+            raise UsageError(f"{name} must be {self._kind_in_words}, not {value!r}")
+        if self.choices and value not in self.choices:
+            raise UsageError(f"{name} must be one of {', '.join(self.choices)}, not {value!r}")
+        if isinstance(value, int | float) and not isinstance(value, bool):
+            low = self.lower if self.lower is not None else float("-inf")
+            high = self.upper if self.upper is not None else float("inf")
+            if not low <= value <= high:
+                raise UsageError(f"{name} must be {self.bounds_in_words}, not {value!r}")
+        return value
+
+    @property
+    def bounds_in_words(self) -> str:
+        """The bounds as they follow "must be", such as "from 1 to 60"; empty without any."""
+        if self.lower is None:
+            return ""
+        if self.upper is None:
+            return f"{self.lower:g} or more"
+        return f"from {self.lower:g} to {self.upper:g}"
+
+    @property
+    def _kind_in_words(self) -> str:
+        kind = _KIND_NAMES.get(self.kind, self.kind.__name__)
+        return " or ".join([kind, *(repr(word) for word in self.words)])
+
+
+_KIND_NAMES: dict[type, str] = {
+    float: "a number", int: "a whole number", bool: "true or false", str: "a word",
+    tuple: "a list", dict: "a table", Path: "a path",
+}  # fmt: skip
+
+
+def option(default: Any, kind: type, help: str, **spec: Any) -> Any:
+    """A dataclass field that carries its Spec; `default` None means that it is derived."""
+    meta = {"spec": Spec(help=help, kind=kind, **spec)}
+    if isinstance(default, dict):
+        return field(default_factory=lambda: dict(default), metadata=meta)
+    return field(default=default, metadata=meta)
+
+
+def check_options(options: Any) -> None:
+    """Convert and check all fields of a frozen dataclass of options; raises UsageError."""
+    for f in dataclasses.fields(options):
+        value = getattr(options, f.name)
+        if value is None and f.default is None:
+            continue
+        object.__setattr__(options, f.name, spec_of(f).check(flag_of(f), value))
+
+
+def options_from(kind: type[T], values: Mapping[str, Any], what: str = "option") -> T:
+    """Options of `kind` from plain values by name; raises UsageError for unknown names."""
+    known = {f.name for f in dataclasses.fields(kind)}  # type: ignore[arg-type]  # a dataclass
+    if unknown := sorted(set(values) - known):
+        raise UsageError(
+            f"unknown {what} {', '.join(unknown)}", remedy=f"Known: {', '.join(sorted(known))}"
+        )
+    return kind(**values)
+
+
+def spec_of(f: dataclasses.Field[Any]) -> Spec:
+    """The Spec of an option's field."""
+    spec = f.metadata["spec"]
+    assert isinstance(spec, Spec)
+    return spec
+
+
+def flag_name(name: str) -> str:
+    """A field's name as it is written in TOML and on the command line."""
+    return name.replace("_", "-")
+
+
+def flag_of(f: dataclasses.Field[Any]) -> str:
+    """The option's flag, without its dashes."""
+    return spec_of(f).flag or flag_name(f.name)

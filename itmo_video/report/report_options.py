@@ -1,0 +1,24 @@
+"""Where a report goes and what it compares with: the options of `report`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from itmo_video.options import check_options, option
+
+
+@dataclass(frozen=True)
+class ReportOptions:
+    """Where a report goes, and the source it compares with. Validated when made (UsageError)."""
+
+    output: Path | None = option(
+        None, Path, "OUTPUT_DIR/report.html unless given", metavar="FILE.html"
+    )
+    clip: Path | None = option(
+        None, Path, "the clip it was made of: before and after", flag="source", metavar="CLIP"
+    )
+    overwrite: bool = option(False, bool, "replace FILE.html")
+
+    def __post_init__(self) -> None:
+        check_options(self)
