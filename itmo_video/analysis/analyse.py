@@ -19,6 +19,7 @@ from itmo_video.colour.luminance import limited_luminance
 from itmo_video.errors import DamagedInputError, InputError
 from itmo_video.model import Frame
 from itmo_video.motion.shots import Analysed, analyse_frame, difference, place
+from itmo_video.presets import make_settings
 from itmo_video.settings import Settings
 from itmo_video.source.opening import Clip, input_options, open_clip
 
@@ -98,7 +99,7 @@ def analyse(
     Cuts and keyframes are those that a conversion with `settings` finds by itself. A source that
     breaks off is analysed until there, with a warning.
     """
-    settings = settings or Settings()
+    settings = settings or make_settings()
     with open_clip(source, input_options(settings, max_pixels)) as clip:
         info = clip.info
         for notice in info.notices:

@@ -19,6 +19,7 @@ from itmo_video.look import make_look
 from itmo_video.model import Frame
 from itmo_video.output import disk_space, exr
 from itmo_video.output.folder import OutputFolder, free_bytes
+from itmo_video.presets import make_settings
 from itmo_video.rendering import spans
 from itmo_video.rendering.frame import Rendered
 from itmo_video.settings import Settings
@@ -66,12 +67,13 @@ def convert(
 ) -> Summary:
     """Convert a clip to an EXR sequence OUTPUT/<stem>.%04d.exr; what is there already stays.
 
+    Without `settings` it is by the preset `default`, as on the command line.
     Raises the errors of itmo_video.errors; DamagedInputError only after all that decodes was
     written, OutputError for single frames of other settings only after all else was. `on_event` is
     called with dicts that have "event": started, frame, warning, finished; frames come from worker
     threads, one at a time. `executor` renders elsewhere than here.
     """
-    settings, run = settings or Settings(), run or RunOptions()
+    settings, run = settings or make_settings(), run or RunOptions()
     began = time.monotonic()
     with open_clip(source, input_options(settings, run.max_pixels)) as clip:
         plan = make_plan(clip, make_look(settings), run)

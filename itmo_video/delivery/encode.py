@@ -6,8 +6,9 @@ The only module of delivery that imports av.
 from __future__ import annotations
 
 import os
+import threading
 from collections.abc import Iterator
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
@@ -196,7 +197,6 @@ class FilmWriter:
 
     def _add_video(self) -> Any:
         spec = self.spec
-        os.environ.setdefault("SVT_LOG", "0")  # it writes to standard error by itself
         stream: Any = self._box.add_stream(
             _ENCODERS[spec.codec], rate=spec.frame_rate, options=_options(spec)
         )
@@ -210,6 +210,8 @@ class FilmWriter:
         if spec.codec == "hevc":
             context.codec_tag = "hvc1"  # Apple's players take no other
         _tag(context, spec.signal)
+        with _svt_in_silence():
+            context.open()
         return stream
 
     def _add_sound(self) -> None:
@@ -259,7 +261,6 @@ def encode_avif(planes: YCbCr, crf: float) -> bytes:
     """A 10-bit PQ BT.2020 AVIF still, 4:2:0, of the encoder that films use."""
     import io
 
-    os.environ.setdefault("SVT_LOG", "0")
     target = io.BytesIO()
     height, width = planes[0].shape
     with av.open(target, "w", format="avif") as box:
@@ -270,12 +271,32 @@ def encode_avif(planes: YCbCr, crf: float) -> bytes:
         )
         stream.width, stream.height, stream.pix_fmt = width, height, "yuv420p10le"
         _tag(stream.codec_context, "pq")
+        with _svt_in_silence():
+            stream.codec_context.open()
         frame = _frame(planes, "yuv420p10le")
         frame.pts = 0
         _tag(frame, "pq")
         box.mux(stream.encode(frame))
         box.mux(stream.encode(None))
     return target.getvalue()
+
+
+_environment_lock = threading.Lock()
+
+
+@contextmanager
+def _svt_in_silence() -> Iterator[None]:
+    """SVT-AV1 asks the environment, when it starts, whether it may write to standard error."""
+    name = "SVT_LOG"
+    with _environment_lock:
+        if name in os.environ:
+            yield
+            return
+        os.environ[name] = "0"
+        try:
+            yield
+        finally:
+            del os.environ[name]
 
 
 def _options(spec: FilmSpec) -> dict[str, str]:
@@ -291,7 +312,8 @@ def _options(spec: FilmSpec) -> dict[str, str]:
                 f"mastering-display={spec.mastering.for_svt()}:content-light={cll},{fall}"
             )
         return options
-    told = ["log-level=none", "repeat-headers=1", "chromaloc=0"]
+    # Its own SEI lists its options, among them the placeholders below.
+    told = ["log-level=none", "info=0", "repeat-headers=1", "chromaloc=0"]
     if is_hdr10:
         told += ["hdr10=1", f"master-display={spec.mastering.for_x265()}", f"max-cll={cll},{fall}"]
     return options | {"x265-params": ":".join(told)}

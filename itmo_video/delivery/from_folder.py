@@ -7,8 +7,6 @@ from concurrent.futures import ThreadPoolExecutor
 from itertools import repeat
 from pathlib import Path
 
-import cv2
-
 from itmo_video.conversion.frame_ranges import format_ranges, parse_ranges
 from itmo_video.conversion.run_options import RunOptions
 from itmo_video.delivery.pictures import Picture, Pictures, T, Work
@@ -17,6 +15,7 @@ from itmo_video.model import Frame, Half
 from itmo_video.output.converted import Converted
 from itmo_video.output.exr import ExrImage, read_exr
 from itmo_video.rendering import spans
+from itmo_video.rendering.opencv_threads import single_opencv_thread
 from itmo_video.source.opening import frames_at
 
 
@@ -36,7 +35,6 @@ def from_folder(folder: Converted, clip: Path | None, run: RunOptions) -> Pictur
     source = folder.open_source(clip, run.max_pixels) if clip is not None else None
 
     def mapped(work: Work[T]) -> Iterator[T]:
-        cv2.setNumThreads(1)
         jobs = run.jobs or spans.default_jobs()
         originals: Iterable[Frame | None] = repeat(None)
         if source is not None:
@@ -48,7 +46,7 @@ def from_folder(folder: Converted, clip: Path | None, run: RunOptions) -> Pictur
             index, time_s = folder.index_of(number), folder.time_s(number, image)
             return work(Picture(index, number, time_s, rgb_of(image), original, layers))
 
-        with ThreadPoolExecutor(jobs, thread_name_prefix="exr") as pool:
+        with single_opencv_thread(), ThreadPoolExecutor(jobs, thread_name_prefix="exr") as pool:
             waiting = []
             for number, original in zip(numbers, originals, strict=False):
                 waiting.append(pool.submit(make, number, original))

@@ -31,6 +31,7 @@ from itmo_video.errors import DamagedInputError, UsageError
 from itmo_video.output.converted import open_converted
 from itmo_video.output.folder import read_manifest
 from itmo_video.output.gate import FILM, STILL, Gate
+from itmo_video.presets import make_settings
 from itmo_video.settings import Settings
 from itmo_video.source.opening import input_files, is_film
 
@@ -87,7 +88,7 @@ def preview(
         pictures = from_folder(open_converted(source), clip, run)
         pictures.clip = options.clip
     else:
-        pictures = from_clip(source, settings or Settings(), run)
+        pictures = from_clip(source, settings or make_settings(), run)
     if options.view == "compare" and pictures.clip is None:
         raise UsageError("compare needs the source", remedy="Say where it is: --source CLIP.")
     on_event({"event": "started", "input": str(source), "output": str(output),

@@ -147,8 +147,10 @@ def _import() -> Any:
             import torchvision  # noqa: F401 - only whether it can be had
         except (ImportError, RuntimeError):
             # PyPI's torchvision does not go with every build of torch; the metric needs a blur.
-            _stand_in_for_torchvision(torch)
-        import pycvvdp
+            with _stand_in_for_torchvision(torch):
+                import pycvvdp
+        else:
+            import pycvvdp
     except ImportError as error:
         raise UsageError(
             f"ColorVideoVDP cannot be imported ({error})",
@@ -157,7 +159,10 @@ def _import() -> Any:
     return pycvvdp
 
 
-def _stand_in_for_torchvision(torch: Any) -> None:
+@contextmanager
+def _stand_in_for_torchvision(torch: Any) -> Iterator[None]:
+    """What the metric imports of torchvision, while it does: to all others it stays missing."""
+
     class GaussianBlur(torch.nn.Module):  # type: ignore[misc]  # its base is Any here
         """Over the last two axes, edges reflected, as torchvision's with a fixed sigma."""
 
@@ -176,14 +181,20 @@ def _stand_in_for_torchvision(torch: Any) -> None:
             blurred = torch.nn.functional.conv2d(across, weights[None, None, :, None])
             return blurred.reshape(picture.shape)
 
-    for name in [name for name in sys.modules if name.split(".")[0] == "torchvision"]:
-        del sys.modules[name]
     parts = {name: types.ModuleType(f"torchvision.{name}") for name in ("transforms", "ops")}
-    whole: Any = types.ModuleType("torchvision")
-    for name, part in parts.items():
-        setattr(whole, name, part)
-        sys.modules[f"torchvision.{name}"] = part
-    sys.modules["torchvision"] = whole
     # Modules are told here what they have, which no type knows.
     parts["transforms"].GaussianBlur = GaussianBlur  # type: ignore[attr-defined]
     parts["ops"].MLP = torch.nn.Sequential  # type: ignore[attr-defined] # imported, not used
+    whole = types.ModuleType("torchvision")
+    modules = {"torchvision": whole} | {f"torchvision.{n}": part for n, part in parts.items()}
+    _forget_torchvision()  # what a failed import left of it
+    sys.modules.update(modules)
+    try:
+        yield
+    finally:
+        _forget_torchvision()
+
+
+def _forget_torchvision() -> None:
+    for name in [name for name in sys.modules if name.split(".")[0] == "torchvision"]:
+        del sys.modules[name]

@@ -11,15 +11,12 @@ from __future__ import annotations
 import io
 import os
 import re
-import sys
-import threading
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, TextIO, cast
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -48,6 +45,7 @@ _CONSTANTS = {
 }
 AP0: Chromaticities = (0.7347, 0.2653, 0.0, 1.0, 0.0001, -0.077, 0.32168, 0.33767)
 
+_PIXEL_KINDS = (np.uint32, np.float16, np.float32)  # by OpenEXR's PixelType
 _NO_LAYERS: Mapping[str, Half | Float32] = MappingProxyType({})
 
 
@@ -146,10 +144,8 @@ def read_exr(path: StrPath) -> ExrImage:
     data = _read_bytes(path)
     try:
         check_chunks(data)
-        with _no_prints():
-            file = OpenEXR.File(io.BytesIO(data), separate_channels=True, num_threads=0)
-            # The constructor swallows damage and leaves a file without parts: channels() raises.
-            channels = {name: channel.pixels for name, channel in file.channels().items()}
+        file = OpenEXR.File(io.BytesIO(data), header_only=True)
+        channels = _pixels(OpenEXR.InputFile(io.BytesIO(data)))
     except (DamageError, RuntimeError, ValueError, OSError, MemoryError) as error:
         reason = str(error) if isinstance(error, DamageError) else "its pixels do not decode"
         raise InputError(
@@ -245,9 +241,6 @@ def _timecode(text: str | None) -> Any:
         return None
 
 
-# Reading without noise: OpenEXR prints to standard output and error when a file is cut short.
-
-
 def _read_bytes(path: StrPath) -> bytes:
     try:
         return Path(path).read_bytes()
@@ -259,40 +252,16 @@ def _read_bytes(path: StrPath) -> bytes:
         ) from error
 
 
-class _Hush:
-    """Standard output without what `threads` print to it; all else goes through."""
-
-    def __init__(self, stream: TextIO) -> None:
-        self.stream = stream
-        self.threads: set[int] = set()
-
-    def write(self, text: str) -> int:
-        return len(text) if threading.get_ident() in self.threads else self.stream.write(text)
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self.stream, name)
-
-
-_hush_lock = threading.Lock()
-
-
-@contextmanager
-def _no_prints() -> Iterator[None]:
-    """Keep OpenEXR's "Warning: ..." out of standard output, where results go, in this thread.
-
-    File descriptor 2 is left alone: it belongs to the whole process, and what the library writes
-    there about rotten (not merely cut) pixels is a diagnostic in its right place.
-    """
-    with _hush_lock:
-        stdout: Any = sys.stdout
-        hush = stdout if isinstance(stdout, _Hush) else _Hush(stdout)
-        sys.stdout = cast(TextIO, hush)
-        hush.threads.add(threading.get_ident())
-    try:
-        yield
-    finally:
-        with _hush_lock:
-            hush.threads.discard(threading.get_ident())
-            stdout = sys.stdout
-            if not hush.threads and stdout is hush:
-                sys.stdout = hush.stream
+def _pixels(file: Any) -> dict[str, npt.NDArray[Any]]:
+    """All channels of an OpenEXR.InputFile, whose readers raise: File's print and go on."""
+    header = file.header()
+    low, high = header["dataWindow"].min, header["dataWindow"].max
+    width, height = high.x - low.x + 1, high.y - low.y + 1
+    found = {}
+    for (name, kind), stored in zip(
+        header["channels"].items(), file.channels(list(header["channels"])), strict=True
+    ):
+        shape = -(-height // kind.ySampling), -(-width // kind.xSampling)
+        pixels = np.frombuffer(stored, _PIXEL_KINDS[kind.type.v])
+        found[name] = pixels.reshape(shape).copy()  # what is read may be written on
+    return found

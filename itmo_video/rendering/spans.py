@@ -15,8 +15,6 @@ from concurrent.futures import (
 )
 from dataclasses import dataclass
 
-import cv2
-
 from itmo_video.colour.analysis_picture import analysis_size
 from itmo_video.errors import DamagedInputError
 from itmo_video.expand_map.key_map import make_key_map
@@ -26,6 +24,7 @@ from itmo_video.motion import flow, keyframes
 from itmo_video.motion.keyframes import Span
 from itmo_video.motion.shots import CUT_REACH, Analysed, analyse_frame, place
 from itmo_video.rendering.frame import Rendered, render
+from itmo_video.rendering.opencv_threads import single_opencv_thread
 from itmo_video.source.opening import Clip
 
 Sink = Callable[[Frame, Rendered], None]
@@ -168,6 +167,7 @@ def map_between(span: Span, analysed: Analysed, look: Look) -> Float32:
     return flow.track_map(analysed.grey, *keys, t)
 
 
+@single_opencv_thread()
 def render_frames(
     clip: Clip,
     wanted: Sequence[int],
@@ -196,7 +196,6 @@ def render_frames(
         assert isinstance(error, DamagedInputError)
         ended.append(error)
 
-    cv2.setNumThreads(1)
     pool = ThreadPoolExecutor(jobs, thread_name_prefix="span")
     try:
         for run in plan_runs(wanted, look):
