@@ -1,11 +1,18 @@
-"""--json: one line an event, for machines; nothing else on standard output."""
+"""Events: typed for who calls the library; one line each of --json, nothing else on stdout."""
 
 from __future__ import annotations
 
 import json
 from pathlib import Path
 
+import pytest
+from clips import moving_scene, write_ffv1
 from command import run
+
+from itmo_video import analyse, convert
+from itmo_video.delivery.preview import preview
+from itmo_video.events import Event, Finished, FrameDone, Started, Warned, as_json
+from itmo_video.report.page import write_report
 
 CLIP = Path(__file__).parents[1] / "sample_clips" / "night_street.mp4"
 FLAGS = ("--lights", 64, "--json", "--quiet")
@@ -27,3 +34,66 @@ def test_one_line_an_event(tmp_path: Path) -> None:
     again = run("convert", CLIP, tmp_path, *FLAGS, "--frames", "1-5").stdout.splitlines()
     summary = json.loads(again[-1])
     assert (summary["wanted"], summary["written"], summary["present"]) == (5, 1, 4)
+
+
+@pytest.mark.parametrize(
+    ("event", "line"),
+    [
+        (
+            Started("c.mp4", "out", 3, 1),
+            {"event": "started", "input": "c.mp4", "output": "out", "frames": 3, "present": 1},
+        ),
+        (FrameDone(101, 2, 3), {"event": "frame", "number": 101, "done": 2, "of": 3}),
+        (Warned("assumed"), {"event": "warning", "message": "assumed"}),
+        (
+            Finished(
+                wanted=3, present=1, written=2, missing=[], damaged=[7], seconds=0.5,
+                bytes_written=9,
+            ),
+            {
+                "event": "finished", "wanted": 3, "present": 1, "written": 2, "missing": [],
+                "damaged": [7], "seconds": 0.5, "bytes_written": 9,
+            },
+        ),
+        (
+            Finished(
+                written=2, present=0, seconds=0.5, bytes_written=9, max_cll=900.0, max_fall=80.5
+            ),
+            {
+                "event": "finished", "written": 2, "present": 0, "seconds": 0.5,
+                "bytes_written": 9, "max_cll": 900.0, "max_fall": 80.5,
+            },
+        ),
+    ],
+)  # fmt: skip
+def test_lines_are_what_they_were_when_events_were_dicts(
+    event: Event, line: dict[str, object]
+) -> None:
+    assert as_json(event) == line
+    json.dumps(as_json(event))
+
+
+def test_each_command_tells_the_library_typed_events(tmp_path: Path) -> None:
+    clip = write_ffv1(tmp_path / "clip.mkv", moving_scene(3))
+    told: list[Event] = []
+    convert(clip, tmp_path / "out", on_event=told.append)
+    frames = [event for event in told if isinstance(event, FrameDone)]
+    assert {event.number for event in frames} == {1, 2, 3}
+    assert [(event.done, event.of) for event in frames] == [(1, 3), (2, 3), (3, 3)]
+    assert Started(str(clip), str(tmp_path / "out"), 3, 0) in told
+    assert isinstance(told[-1], Finished)
+    assert (told[-1].wanted, told[-1].missing) == (3, [])
+
+    told.clear()
+    preview(clip, tmp_path / "film.mp4", on_event=told.append)
+    assert [type(event) for event in told] == [Started, FrameDone, FrameDone, FrameDone, Finished]
+    assert isinstance(told[-1], Finished)
+    assert (told[-1].max_cll or 0) > 100
+
+    told.clear()
+    write_report(tmp_path / "out", on_event=told.append)
+    assert [type(event) for event in told] == [Started, FrameDone, FrameDone, FrameDone]
+
+    told.clear()
+    analyse(clip, on_event=told.append)
+    assert {type(event) for event in told} == {Warned}, "an untagged clip's encoding is assumed"

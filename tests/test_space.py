@@ -9,6 +9,7 @@ import pytest
 from itmo_video import RunOptions, convert, make_settings
 from itmo_video.conversion import checking
 from itmo_video.conversion import convert as conversion
+from itmo_video.events import Event, Warned
 from itmo_video.output import disk_space
 from itmo_video.settings import COMPRESSIONS
 
@@ -41,10 +42,10 @@ def test_a_warning_where_it_will_not_fit(tmp_path: Path, monkeypatch: pytest.Mon
     assert "warning: about 30 MB will be needed and 10 MB are free" in planned
 
     monkeypatch.setattr(conversion, "free_bytes", lambda path: 1_000_000)
-    events: list[conversion.Event] = []
+    events: list[Event] = []
     convert(CLIP, tmp_path, settings, run, events.append)
-    warnings = [str(e["message"]) for e in events if e["event"] == "warning"]
+    warnings = [e.message for e in events if isinstance(e, Warned)]
     assert any("1 MB are free" in w and "same command goes on" in w for w in warnings), warnings
     convert(CLIP, tmp_path, settings, run, events.append)
-    more = [str(e["message"]) for e in events if e["event"] == "warning"][len(warnings) :]
+    more = [e.message for e in events if isinstance(e, Warned)][len(warnings) :]
     assert not any("free" in w for w in more), "nothing is left to be made: nothing is needed"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
@@ -17,6 +17,7 @@ from itmo_video.colour import linear_light
 from itmo_video.colour.analysis_picture import analysis_size
 from itmo_video.colour.luminance import limited_luminance
 from itmo_video.errors import DamagedInputError, InputError
+from itmo_video.events import OnEvent, Warned, ignore
 from itmo_video.model import Frame
 from itmo_video.motion.shots import Analysed, analyse_frame, difference, place
 from itmo_video.presets import make_settings
@@ -92,7 +93,7 @@ def analyse(
     *,
     start_number: int = 1,
     max_pixels: int = 2**27,
-    on_warning: Callable[[str], None] = lambda message: None,
+    on_event: OnEvent = ignore,
 ) -> Analysis:
     """Decode a clip once and say what is in it; raises InputError and AlreadyHdrError as convert.
 
@@ -103,7 +104,7 @@ def analyse(
     with open_clip(source, input_options(settings, max_pixels)) as clip:
         info = clip.info
         for notice in info.notices:
-            on_warning(notice)
+            on_event(Warned(notice))
         first = info.first_number if info.first_number is not None else start_number
         tallies: dict[int, _Tally] = {}
         times: list[Fraction] = []
@@ -111,7 +112,7 @@ def analyse(
         whole = _Tally()
         shots: list[tuple[int, int, _Tally]] = []
         keys: list[int] = []
-        frames = _looked_at(clip, settings, tallies, times, edges, on_warning)
+        frames = _looked_at(clip, settings, tallies, times, edges, on_event)
         for placed in place(frames, settings.key_reach, 0):
             index = placed.analysed.index
             tally = tallies.pop(index)
@@ -150,7 +151,7 @@ def _looked_at(
     tallies: dict[int, _Tally],
     times: list[Fraction],
     edges: _Edges,
-    on_warning: Callable[[str], None],
+    on_event: OnEvent,
 ) -> Iterator[Analysed]:
     before: Analysed | None = None
     try:
@@ -165,7 +166,7 @@ def _looked_at(
             before = analysed
             yield analysed
     except DamagedInputError as error:
-        on_warning(str(error))
+        on_event(Warned(str(error)))
 
 
 def _tally(frame: Frame, map_width: int) -> _Tally:

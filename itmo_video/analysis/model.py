@@ -1,6 +1,6 @@
 """The file that `analyse` writes: what a clip is made of, and a list of shots to be edited by hand.
 
-JSON with a format number; analysis_file reads it back.
+JSON with a format number; analysis/reading.py reads it back.
 """
 
 from __future__ import annotations

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from typing import TYPE_CHECKING, Any
 
 from itmo_video.cli.option_flags import add_options, options_of
@@ -59,6 +58,7 @@ def analyse_to(
     `overwrite` is given and it is an analysis.
     """
     from itmo_video.analysis.analyse import analyse
+    from itmo_video.cli.progress import Progress
     from itmo_video.output.gate import ANALYSIS, Gate
     from itmo_video.source.opening import input_files
 
@@ -67,12 +67,13 @@ def analyse_to(
         gate = Gate(output, ANALYSIS, inputs=input_files(source), overwrite=overwrite)
         gate.check()
 
-    def on_warning(message: str) -> None:
-        if not quiet:
-            print(f"itmo-video: {message}", file=sys.stderr)
-
+    progress = Progress(as_json=False, quiet=quiet)
     analysis = analyse(
-        source, settings, start_number=start_number, max_pixels=max_pixels, on_warning=on_warning
+        source,
+        settings,
+        start_number=start_number,
+        max_pixels=max_pixels,
+        on_event=progress.on_event,
     )
     if gate is None:
         print(analysis.to_json(), end="")

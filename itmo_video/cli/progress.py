@@ -5,8 +5,9 @@ from __future__ import annotations
 import json
 import sys
 import time
-from collections.abc import Mapping
-from typing import Any, TextIO
+from typing import TextIO
+
+from itmo_video.events import Event, Finished, FrameDone, Warned, as_json
 
 
 class Progress:
@@ -18,26 +19,29 @@ class Progress:
         self._began = time.monotonic()
         self._on_terminal = self._stream.isatty()
 
-    def on_event(self, event: Mapping[str, Any]) -> None:
+    def on_event(self, event: Event) -> None:
         """Tell one event."""
         if self._as_json:
-            print(json.dumps(event), flush=True)
+            print(json.dumps(as_json(event)), flush=True)
         if self._quiet:
             return
-        kind = event["event"]
-        if kind == "warning":
-            print(f"itmo-video: {event['message']}", file=self._stream)
-        elif kind == "frame" and self._on_terminal:
-            self._line(int(event["done"]), int(event["of"]))
-        elif kind == "finished":
-            if self._on_terminal:
-                print(file=self._stream)
-            present = f", {event['present']} were there" if event["present"] else ""
-            print(
-                f"itmo-video: {event['written']} frames made{present}, "
-                f"{event['seconds']:.1f} s, {event['bytes_written'] / 1e6:.1f} MB",
-                file=self._stream,
-            )
+        match event:
+            case Warned(message):
+                print(f"itmo-video: {message}", file=self._stream)
+            case FrameDone(_, done, of) if self._on_terminal:
+                self._line(done, of)
+            case Finished():
+                self._sum_up(event)
+
+    def _sum_up(self, event: Finished) -> None:
+        if self._on_terminal:
+            print(file=self._stream)
+        present = f", {event.present} were there" if event.present else ""
+        print(
+            f"itmo-video: {event.written} frames made{present}, "
+            f"{event.seconds:.1f} s, {event.bytes_written / 1e6:.1f} MB",
+            file=self._stream,
+        )
 
     def _line(self, done: int, total: int) -> None:
         elapsed = max(time.monotonic() - self._began, 1e-6)

@@ -14,6 +14,7 @@ from itmo_video.conversion.frame_ranges import format_ranges
 from itmo_video.conversion.plan import ALGORITHM, make_plan
 from itmo_video.conversion.run_options import RunOptions
 from itmo_video.errors import ClusterError, DamagedInputError, InputError, ItmoError, OutputError
+from itmo_video.events import ignore
 from itmo_video.look import make_look
 from itmo_video.output.folder import OutputFolder, read_manifest
 from itmo_video.settings import Settings
@@ -97,7 +98,7 @@ def make_chunk(chunk: Chunk) -> Outcome:
         # A chunk whose worker died is sent again: what that one had finished is not made anew.
         todo, _ = frames_to_make(plan, folder, chunk.run)
     summary = Summary(len(plan.numbers), len(plan.numbers) - len(todo))
-    ended = render_job(Job(clip, plan, folder, chunk.run, todo), summary, lambda event: None)
+    ended = render_job(Job(clip, plan, folder, chunk.run, todo), summary, ignore)
     made = tuple(n for n in chunk.numbers if n not in set(summary.missing))
     return Outcome(
         made,

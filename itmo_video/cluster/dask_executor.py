@@ -14,8 +14,9 @@ from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
 from itmo_video.cluster.chunks import Outcome, cut_into_chunks, try_chunk
-from itmo_video.conversion.convert import Executor, Job, OnEvent, Summary
+from itmo_video.conversion.convert import Executor, Job, Summary
 from itmo_video.errors import ClusterError, DamagedInputError, ItmoError, UsageError
+from itmo_video.events import FrameDone, OnEvent
 from itmo_video.rendering.spans import default_jobs
 
 if TYPE_CHECKING:
@@ -165,4 +166,4 @@ def _count(outcome: Outcome, job: Job, summary: Summary, on_event: OnEvent) -> N
     summary.bytes_written += outcome.bytes_written
     for number in outcome.made:
         summary.written += 1
-        on_event({"event": "frame", "number": number, "done": summary.written, "of": len(job.todo)})
+        on_event(FrameDone(number, summary.written, len(job.todo)))

@@ -8,13 +8,13 @@ import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 from itmo_video.conversion.exr_headers import exr_header
 from itmo_video.conversion.frame_ranges import format_ranges
 from itmo_video.conversion.plan import Plan, make_plan
 from itmo_video.conversion.run_options import RunOptions
 from itmo_video.errors import DamagedInputError, OutputError
+from itmo_video.events import Finished, FrameDone, OnEvent, Started, Warned, ignore
 from itmo_video.look import make_look
 from itmo_video.model import Frame
 from itmo_video.output import disk_space, exr
@@ -24,9 +24,6 @@ from itmo_video.rendering import spans
 from itmo_video.rendering.frame import Rendered
 from itmo_video.settings import Settings
 from itmo_video.source.opening import Clip, input_options, open_clip
-
-Event = Mapping[str, Any]
-OnEvent = Callable[[Event], None]
 
 
 @dataclass
@@ -62,7 +59,7 @@ def convert(
     output: str | Path,
     settings: Settings | None = None,
     run: RunOptions | None = None,
-    on_event: OnEvent = lambda event: None,
+    on_event: OnEvent = ignore,
     executor: Executor | None = None,
 ) -> Summary:
     """Convert a clip to an EXR sequence OUTPUT/<stem>.%04d.exr; what is there already stays.
@@ -79,24 +76,21 @@ def convert(
         plan = make_plan(clip, make_look(settings), run)
         folder = OutputFolder(output, plan.clip.stem)
         for notice in plan.clip.notices:
-            on_event({"event": "warning", "message": notice})
+            on_event(Warned(notice))
         todo, others = dict(plan.numbers), list[int]()
         if not run.null:
             folder.claim(plan.manifest, overwrite=run.overwrite, update=run.update)
             folder.sweep_temp_files()
             todo, others = frames_to_make(plan, folder, run)
             if short := _shortage(plan, folder, len(todo)):
-                on_event({"event": "warning", "message": short})
+                on_event(Warned(short))
         summary = Summary(len(plan.numbers), len(plan.numbers) - len(todo) - len(others))
-        on_event(
-            {"event": "started", "input": plan.clip.path, "output": str(output),
-             "frames": summary.wanted, "present": summary.present}
-        )  # fmt: skip
+        on_event(Started(plan.clip.path, str(output), summary.wanted, summary.present))
         ended = (executor or render_job)(Job(clip, plan, folder, run, todo), summary, on_event)
     summary.missing.sort()
     summary.damaged.sort()
     summary.seconds = time.monotonic() - began
-    on_event({"event": "finished", **dataclasses.asdict(summary)})
+    on_event(Finished(**dataclasses.asdict(summary)))
     cut_short = (plan.clip.frames_declared or 0) - plan.clip.frames if run.frames is None else 0
     if ended or summary.missing or summary.damaged or cut_short > 0:
         raise _damage(plan, summary, ended, cut_short)
@@ -145,9 +139,7 @@ def render_job(job: Job, summary: Summary, on_event: OnEvent) -> list[DamagedInp
             summary.bytes_written += size
             if frame.is_damaged:
                 summary.damaged.append(number)
-            on_event(
-                {"event": "frame", "number": number, "done": summary.written, "of": len(job.todo)}
-            )
+            on_event(FrameDone(number, summary.written, len(job.todo)))
 
     ended = spans.render_frames(
         job.clip, sorted(by_index), plan.look, plan.jobs, sink, plan.look_at

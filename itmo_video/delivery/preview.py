@@ -7,7 +7,7 @@ them in order, and MaxCLL and MaxFALL are completed in the finished file.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from math import gcd
@@ -17,7 +17,6 @@ from typing import Any
 import numpy as np
 
 from itmo_video.colour.primaries import CHROMATICITIES
-from itmo_video.conversion.convert import Event
 from itmo_video.conversion.run_options import RunOptions
 from itmo_video.delivery import encode, hdr, sdr, stills
 from itmo_video.delivery.encode import HIGH_CRF, FilmSpec, FilmWriter, YCbCr
@@ -28,6 +27,7 @@ from itmo_video.delivery.metadata import Mastering
 from itmo_video.delivery.pictures import Picture, Pictures
 from itmo_video.delivery.preview_options import PreviewOptions
 from itmo_video.errors import DamagedInputError, UsageError
+from itmo_video.events import Finished, FrameDone, OnEvent, Started, ignore
 from itmo_video.output.converted import open_converted
 from itmo_video.output.folder import read_manifest
 from itmo_video.output.gate import FILM, STILL, Gate
@@ -64,7 +64,7 @@ def preview(
     settings: Settings | None = None,
     run: RunOptions | None = None,
     options: PreviewOptions | None = None,
-    on_event: Callable[[Event], None] = lambda event: None,
+    on_event: OnEvent = ignore,
 ) -> PreviewSummary:
     """Make a film or a still of a clip, converted on the fly, or of a converted folder.
 
@@ -91,8 +91,7 @@ def preview(
         pictures = from_clip(source, settings or make_settings(), run)
     if options.view == "compare" and pictures.clip is None:
         raise UsageError("compare needs the source", remedy="Say where it is: --source CLIP.")
-    on_event({"event": "started", "input": str(source), "output": str(output),
-              "frames": len(pictures.numbers), "present": 0})  # fmt: skip
+    on_event(Started(str(source), str(output), len(pictures.numbers), 0))
     if options.frame is not None:
         frames, light = 1, _still(pictures, gate, options)
     else:
@@ -100,9 +99,16 @@ def preview(
     summary = PreviewSummary(
         frames, time.monotonic() - began, output.stat().st_size, light.peak, light.average
     )
-    on_event({"event": "finished", "written": frames, "present": 0, "seconds": summary.seconds,
-              "bytes_written": summary.bytes_written, "max_cll": light.peak,
-              "max_fall": light.average})  # fmt: skip
+    on_event(
+        Finished(
+            written=frames,
+            present=0,
+            seconds=summary.seconds,
+            bytes_written=summary.bytes_written,
+            max_cll=light.peak,
+            max_fall=light.average,
+        )
+    )
     if pictures.damage:
         raise DamagedInputError(
             "; ".join(pictures.damage), where=str(source), remedy=f"{frames} frames were shown."
@@ -200,7 +206,7 @@ def _film(
     gate: Gate,
     options: PreviewOptions,
     run: RunOptions,
-    on_event: Callable[[Event], None],
+    on_event: OnEvent,
 ) -> tuple[int, Light]:
     chroma = options.chroma or encode.default_chroma(options.codec)
     spec = FilmSpec(
@@ -222,8 +228,8 @@ def _film(
             for shot, length in _with_durations(first, shots):
                 writer.write(shot.planes, shot.time_s, length)
                 lights.append(shot.light)
-                on_event({"event": "frame", "number": pictures.numbers[len(lights) - 1],
-                          "done": len(lights), "of": len(pictures.numbers)})  # fmt: skip
+                number = pictures.numbers[len(lights) - 1]
+                on_event(FrameDone(number, len(lights), len(pictures.numbers)))
             light = hdr.film_light(lights)
             writer.finish(light)
     finally:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import base64
 import json
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -12,13 +12,13 @@ from typing import Any
 import cv2
 import numpy as np
 
-from itmo_video.conversion.convert import Event
 from itmo_video.conversion.frame_ranges import format_ranges
 from itmo_video.conversion.run_options import RunOptions
 from itmo_video.delivery import sdr
 from itmo_video.delivery.from_folder import from_folder
 from itmo_video.delivery.pictures import Picture, Pictures
 from itmo_video.errors import UsageError
+from itmo_video.events import FrameDone, OnEvent, Started, ignore
 from itmo_video.output.converted import Converted, open_converted, peak_nits_of
 from itmo_video.output.folder import Manifest
 from itmo_video.output.gate import PAGE, Gate
@@ -37,7 +37,7 @@ def write_report(
     folder: str | Path,
     output: str | Path | None = None,
     clip: str | Path | None = None,
-    on_event: Callable[[Event], None] = lambda event: None,
+    on_event: OnEvent = ignore,
     *,
     overwrite: bool = False,
 ) -> Path:
@@ -53,8 +53,7 @@ def write_report(
     gate = report_gate(folder, output, clip, converted.manifest, overwrite=overwrite)
     gate.check()
     pictures = from_folder(converted, Path(clip) if clip else None, RunOptions())
-    on_event({"event": "started", "input": str(folder), "output": str(gate.path),
-              "frames": len(pictures.numbers), "present": 0})  # fmt: skip
+    on_event(Started(str(folder), str(gate.path), len(pictures.numbers), 0))
     facts, embedded = _measured(pictures, converted, on_event)
     text = render_page(converted, pictures, facts, embedded, _source_facts(clip, converted))
     gate.write(text.encode("utf-8", "backslashreplace"))
@@ -81,7 +80,7 @@ def report_gate(
 
 
 def _measured(
-    pictures: Pictures, converted: Converted, on_event: Callable[[Event], None]
+    pictures: Pictures, converted: Converted, on_event: OnEvent
 ) -> tuple[FilmFacts, list[embed.Embedded]]:
     numbers, settings = pictures.numbers, converted.settings
     count = min(MAX_FRAMES, len(numbers))
@@ -102,8 +101,7 @@ def _measured(
         for done, (told, picture) in enumerate(pictures.mapped(work), 1):
             if picture is not None:
                 shown.append(picture)
-            on_event({"event": "frame", "number": told.facts.number, "done": done,
-                      "of": len(numbers)})  # fmt: skip
+            on_event(FrameDone(told.facts.number, done, len(numbers)))
             yield told
 
     facts = measure.film_facts(measured(), settings.key_reach)

@@ -19,8 +19,9 @@ from command import REPOSITORY, broken_frames, run, start, temp_files, wait_for_
 from itmo_video import RunOptions, analyse, convert, make_settings
 from itmo_video.cluster import chunks, dask_executor
 from itmo_video.conversion import convert as conversion
-from itmo_video.conversion.convert import Job, OnEvent, Summary
+from itmo_video.conversion.convert import Job, Summary
 from itmo_video.errors import ClusterError, DamagedInputError, InputError, OutputError
+from itmo_video.events import Event, FrameDone, OnEvent
 
 FLAGS = ("--lights", 64, "--radius", 64, "--compression", "zips")
 SETTINGS = make_settings("default", lights=64, radius=64, compression="zips")
@@ -266,8 +267,8 @@ def test_a_lost_cluster_does_not_hang(
     out = tmp_path / "out"
     monkeypatch.setattr(dask_executor, "WAIT_S", 2)
 
-    def on_event(event: conversion.Event) -> None:
-        if event["event"] == "frame":
+    def on_event(event: Event) -> None:
+        if isinstance(event, FrameDone):
             for process in processes[1:] if lost == "workers" else processes[:1]:
                 process.kill()
 
