@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
@@ -94,11 +94,13 @@ def analyse(
     start_number: int = 1,
     max_pixels: int = 2**27,
     on_event: OnEvent = ignore,
+    on_frame: Callable[[int], None] = lambda index: None,
 ) -> Analysis:
     """Decode a clip once and say what is in it; raises InputError and AlreadyHdrError as convert.
 
     Cuts and keyframes are those that a conversion with `settings` finds by itself. A source that
-    breaks off is analysed until there, with a warning.
+    breaks off is analysed until there, with a warning. `on_frame` is told the index of each frame
+    that was looked at; what it raises ends the pass.
     """
     settings = settings or make_settings()
     with open_clip(source, input_options(settings, max_pixels)) as clip:
@@ -115,6 +117,7 @@ def analyse(
         frames = _looked_at(clip, settings, tallies, times, edges, on_event)
         for placed in place(frames, settings.key_reach, 0):
             index = placed.analysed.index
+            on_frame(index)
             tally = tallies.pop(index)
             if placed.starts_shot:
                 tally.change, tally.changes = 0.0, 0  # a cut is no motion

@@ -18,6 +18,7 @@ from itmo_video.cli.info import add_info
 from itmo_video.cli.outcome import debug, interrupted, reported
 from itmo_video.cli.preview import add_preview
 from itmo_video.cli.report import add_report
+from itmo_video.cli.studio import add_studio
 from itmo_video.errors import ItmoError, UsageError
 
 
@@ -81,6 +82,7 @@ def _parser() -> argparse.ArgumentParser:
     add_report(commands)
     add_analyse(commands)
     add_info(commands)
+    add_studio(commands)
     return parser
 
 

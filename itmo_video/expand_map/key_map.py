@@ -54,6 +54,27 @@ def make_key_map(frame: Frame, look: Look) -> Float32:
     return np.dstack([map_of(_at_size(plane, width, height)) for plane in planes])
 
 
+def key_lights(frame: Frame, settings: Settings) -> list[tuple[float, float]]:
+    """Where the frame's median-cut lights lie, (x, y) from 0 to 1 across the whole picture.
+
+    They are those of the Expand Map: at analysis size, bars left out.
+    """
+    width, height = analysis_size(*frame.size, settings.map_width)
+    luminance = _at_size(frame_luminance(frame), width, height)
+    row_weight, left, top = None, 0, 0
+    if settings.projection == "latlong":
+        row_weight = np.cos(((np.arange(height) + 0.5) / height - 0.5) * np.pi)
+    else:
+        edge = find_bars(luminance)
+        left, top = edge.left, edge.top
+        luminance = luminance[top : height - edge.bottom, left : width - edge.right]
+    lights = median_cut(np.ascontiguousarray(luminance), settings.lights, row_weight)
+    return [
+        ((float(x) + left + 0.5) / width, (float(y) + top + 0.5) / height)
+        for x, y in zip(lights.x, lights.y, strict=True)
+    ]
+
+
 def _at_size(plane: Float32, width: int, height: int) -> Float32:
     if plane.shape == (height, width):
         return plane

@@ -29,6 +29,8 @@ from itmo_video.source.opening import Clip
 
 Sink = Callable[[Frame, Rendered], None]
 LookAt = Callable[[int], Look]
+Analyse = Callable[[Frame, int], Analysed]
+MakeMap = Callable[[Frame, Look], Float32]
 
 
 @dataclass(frozen=True)
@@ -96,29 +98,31 @@ def memory_bound_bytes(width: int, height: int, bytes_per_code: int, look: Look,
     return waiting + jobs * width * height * (14 * 4 + 2 * 3 * 2) + (160 << 20)
 
 
-def analysed_frames(clip: Clip, run: Run, look: Look) -> Iterator[Analysed]:
-    """Decode from the run's start, each frame with its pictures at analysis size."""
-    for frame in clip.frames(run.start):
-        yield analyse_frame(frame, look.settings.map_width)
-
-
 def spans_of(
-    clip: Clip, run: Run, look: Look, on_end: Callable[[Exception], None], pool: Executor
+    clip: Clip,
+    run: Run,
+    look: Look,
+    on_end: Callable[[Exception], None],
+    pool: Executor,
+    analyse: Analyse = analyse_frame,
+    make_map: MakeMap = make_key_map,
 ) -> Iterator[Span]:
     """The run's spans in order, until its last wanted frame; a broken end ends the last shot.
 
-    Their maps are made in the `pool`.
+    Their maps are made in the `pool`. Who renders frames again and again hands in an `analyse` and
+    a `make_map` that remember.
     """
 
     def source() -> Iterator[Analysed]:
         try:
-            yield from analysed_frames(clip, run, look)
+            for frame in clip.frames(run.start):
+                yield analyse(frame, look.settings.map_width)
         except DamagedInputError as error:
             on_end(error)
 
     def key_map(analysed: Analysed) -> Float32:
         # Where no map is used the spans still pair frames; nobody looks at what stands in for it.
-        return make_key_map(analysed.frame, look) if look.needs_map else analysed.tiny
+        return make_map(analysed.frame, look) if look.needs_map else analysed.tiny
 
     settings = look.settings
     placed = place(source(), settings.key_reach, run.start)
@@ -152,11 +156,13 @@ def render_span(
             sink(analysed.frame, render(analysed.frame, map_small, own, analysed.guide))
 
 
-def map_between(span: Span, analysed: Analysed, look: Look) -> Float32:
+def map_between(
+    span: Span, analysed: Analysed, look: Look, make_map: MakeMap = make_key_map
+) -> Float32:
     """The map of one frame of a span: a key's own, or made from the keys on either side."""
     index = analysed.index
     if index in span.flashes:
-        return make_key_map(analysed.frame, look)
+        return make_map(analysed.frame, look)
     if span.right is None or span.right_index is None or index == span.left_index:
         return span.left[1].result()
     t = (index - span.left_index) / (span.right_index - span.left_index)

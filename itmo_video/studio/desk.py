@@ -1,0 +1,235 @@
+"""The studio behind its page: the clip, what is decided, what is shown, saved and rendered."""
+
+from __future__ import annotations
+
+import dataclasses
+import tempfile
+import threading
+from collections.abc import Callable, Mapping
+from concurrent.futures import Future
+from pathlib import Path
+from typing import Any
+
+from itmo_video.analysis.analyse import analyse
+from itmo_video.analysis.model import Analysis
+from itmo_video.errors import InputError, ItmoError, UsageError
+from itmo_video.model import ClipInfo
+from itmo_video.source.opening import input_options
+from itmo_video.studio import document as documents
+from itmo_video.studio.document import Document, History
+from itmo_video.studio.latest import Latest, Stale
+from itmo_video.studio.running import Runner
+from itmo_video.studio.saving import Saver, command
+from itmo_video.studio.session import PARTS, SCALES, Part, Session, Shown, StaleError
+
+LANES = ("a", "b", "layer", "try", "play")
+SLOTS = ("a", "b")
+RENDERS = {"convert": "", "preview": ".mp4"}
+
+
+class Desk:
+    """One clip on the desk; its methods may be called from any thread. Close it, or use `with`."""
+
+    def __init__(
+        self,
+        source: str | Path,
+        document: Document,
+        folder: Path,
+        *,
+        start_number: int = 1,
+        max_pixels: int = 2**27,
+    ) -> None:
+        """Open the clip and begin to look for its cuts unless `document` has its analysis."""
+        settings = document.settings
+        self._session = Session(source, input_options(settings, max_pixels))
+        self.info: ClipInfo = self._session.clip.info
+        first = self.info.first_number
+        self.first_number = start_number if first is None else first
+        self._max_pixels = max_pixels
+        self.history = History(document)
+        self.version = 1
+        self.other: Document | None = None
+        self.saver, self.runner = Saver(folder), Runner()
+        self.saved: dict[str, Path] = {}
+        self._saved_as: dict[str, Document] = {}
+        self.analysed, self.analysis_error = 0, ""
+        self._latest = Latest(LANES)
+        self._lock = threading.RLock()
+        self._closing = False
+        self._scratch = tempfile.TemporaryDirectory(prefix="itmo-studio-")
+        document.own_looks(self.info)  # raises where the analysis is another clip's
+        self._analyst = threading.Thread(target=self._analyse, name="studio-cuts", daemon=True)
+        if document.analysis is None:
+            self._analyst.start()
+
+    def __enter__(self) -> Desk:
+        return self
+
+    def __exit__(self, *exc: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """End all work and release the clip; a render that runs is interrupted."""
+        self._closing = True
+        self._latest.close()
+        if self._analyst.is_alive():
+            self._analyst.join()
+        self.runner.close()
+        self._session.close()
+        self._scratch.cleanup()
+
+    # See
+
+    def picture(
+        self, index: int, slot: str, part: str, scale: int, lane: str
+    ) -> tuple[int, Future[Shown]]:
+        """A frame by the settings as they are now; the version that they have, and the picture."""
+        with self._lock:
+            version, document = self.version, self._in_slot(slot)
+        return version, self._shown(index, document, part, scale, lane)
+
+    def attempt(
+        self, index: int, preset: str | None, values: Mapping[str, Any], scale: int
+    ) -> Future[Shown]:
+        """A frame as another preset, or these values on top of the present ones, would make it."""
+        with self._lock:
+            document = self.history.now
+        if preset is not None:
+            document = dataclasses.replace(document, preset=preset, changed={})
+        document = documents.set_values(document, values, None)
+        _ = document.look
+        return self._shown(index, document, "hdr", scale, "try")
+
+    def lights(self, index: int, slot: str) -> Future[list[tuple[float, float]]]:
+        """The median-cut lights of a frame as points (x, y), 0 to 1 across the picture."""
+        look = self._in_slot(slot).look
+        self._check_index(index)
+        return self._latest.submit("layer", lambda stale: self._session.lights(index, look))
+
+    def _shown(
+        self, index: int, document: Document, part: str, scale: int, lane: str
+    ) -> Future[Shown]:
+        self._check_index(index)
+        if part not in PARTS or scale not in SCALES or lane not in LANES:
+            raise UsageError(f"unknown part {part!r}, scale {scale!r} or lane {lane!r}")
+        known: Part = part
+        look, own = document.look, document.look_at(index, self.info)
+
+        def work(stale: Stale) -> Shown:
+            if stale():
+                raise StaleError
+            return self._session.picture(index, look, own, known, scale, stale)
+
+        return self._latest.submit(lane, work)
+
+    def _in_slot(self, slot: str) -> Document:
+        if slot not in SLOTS:
+            raise UsageError(f"unknown slot {slot!r}")
+        return self.other if slot == "b" and self.other is not None else self.history.now
+
+    def _check_index(self, index: int) -> None:
+        if not 0 <= index < self.info.frames:
+            raise UsageError(f"there is no frame {index + self.first_number}")
+
+    # Decide
+
+    def edit(self, change: Callable[[Document], Document], gesture: str | None = None) -> None:
+        """Change the document; raises UsageError, changing nothing, where it would not be sound."""
+        with self._lock:
+            self.history.do(change(self.history.now), self.info, gesture)
+            self.version += 1
+
+    def step(self, back: bool) -> None:
+        """Undo or redo."""
+        with self._lock:
+            (self.history.undo if back else self.history.redo)()
+            self.version += 1
+
+    def keep_other(self) -> None:
+        """Hold the present settings as B, to be compared with."""
+        with self._lock:
+            self.other = self.history.now
+            self.version += 1
+
+    def swap(self) -> None:
+        """Take B for the present settings, and these for B."""
+        with self._lock:
+            if self.other is None:
+                raise UsageError("there is no B yet", remedy="Keep the present settings as B.")
+            before = self.history.now
+            self.history.do(self.other, self.info)
+            self.other = before
+            self.version += 1
+
+    def save(self, kind: str, name: str, replace: bool) -> Path:
+        """Save the preset or the shot list."""
+        with self._lock:
+            path = self.saver.save(kind, name, self.history.now, replace)
+            self.saved[kind], self._saved_as[kind] = path, self.history.now
+            return path
+
+    def command(self) -> str:
+        """The command that converts as the desk is now; with the saved files while they hold."""
+        with self._lock:
+            now = self.history.now
+            preset = self.saved.get("preset") if self._holds("preset") else None
+            shots = self.saved.get("shots") if self._holds("shots") else None
+            return command(now, self.info.path, "OUTPUT_DIR", preset, shots)
+
+    @property
+    def shots_need_saving(self) -> bool:
+        """Whether shots are decided otherwise than a conversion of the clip would find them."""
+        return bool(self.history.now.own_looks(self.info)) and not self._holds("shots")
+
+    def _holds(self, kind: str) -> bool:
+        saved, now = self._saved_as.get(kind), self.history.now
+        if saved is None:
+            return False
+        if kind == "preset":
+            return (saved.preset, saved.changed) == (now.preset, now.changed)
+        return saved.analysis == now.analysis
+
+    # Render
+
+    def render(self, kind: str, name: str) -> Path:
+        """Start to convert the clip into a folder, or to a film, beside the saved files."""
+        if kind not in RENDERS:
+            raise UsageError(f"{kind!r} is neither convert nor preview")
+        output = self.saver.path(name, RENDERS[kind])
+        with self._lock:
+            now = self.history.now
+            private = Saver(Path(self._scratch.name))
+            # As files, so that any setting comes through, and later edits do not reach the render.
+            arguments = [kind, self.info.path, str(output)]
+            serial = str(self.version)
+            arguments += ["--preset", str(private.save("preset", f"p{serial}", now, True))]
+            if now.own_looks(self.info):
+                arguments += ["--analysis", str(private.save("shots", f"s{serial}", now, True))]
+            if self.info.first_number is None:
+                arguments += ["--start-number", str(self.first_number)]
+            arguments += ["--max-pixels", str(self._max_pixels)]
+        self.runner.start(kind, arguments, output)
+        return output
+
+    def _analyse(self) -> None:
+        def on_frame(index: int) -> None:
+            if self._closing:
+                raise StaleError
+            self.analysed = index + 1
+
+        try:
+            found: Analysis = analyse(
+                self.info.path,
+                self.history.now.settings,
+                start_number=self.first_number,
+                max_pixels=self._max_pixels,
+                on_frame=on_frame,
+            )
+        except StaleError:
+            return
+        except (ItmoError, InputError) as error:
+            self.analysis_error = str(error)
+            return
+        with self._lock:
+            self.history.analysed(found)
+            self.version += 1

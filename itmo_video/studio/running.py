@@ -1,0 +1,121 @@
+"""One render at a time, as a command of its own: it goes on when the page is closed."""
+
+from __future__ import annotations
+
+import json
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+from itmo_video.errors import UsageError
+
+State = Literal["none", "running", "done", "failed", "cancelled"]
+_PATIENCE_S = 20  # for a command that was asked to end
+
+
+@dataclass
+class Progress:
+    """How far the render is, for the page."""
+
+    state: State = "none"
+    kind: str = ""
+    output: str = ""
+    done: int = 0
+    of: int = 0
+    seconds: float = 0.0
+    left_s: float | None = None
+    message: str = ""
+
+
+class Runner:
+    """Starts `itmo-video` and follows its events."""
+
+    def __init__(self) -> None:
+        self.progress = Progress()
+        self._process: subprocess.Popen[str] | None = None
+        self._follower: threading.Thread | None = None
+        self._lock = threading.Lock()
+
+    def start(self, kind: str, arguments: Sequence[str], output: Path) -> None:
+        """Run `itmo-video ARGUMENTS --json`; raises UsageError while another render runs."""
+        with self._lock:
+            if self.progress.state == "running":
+                raise UsageError("a render is running", remedy="Wait for it, or cancel it.")
+            self.progress = Progress("running", kind, str(output))
+            # A session of its own: Ctrl-C in the studio's terminal is the studio's to pass on.
+            self._process = subprocess.Popen(
+                [sys.executable, "-m", "itmo_video", *arguments, "--json"],
+                stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+                text=True, errors="backslashreplace", start_new_session=True,
+            )  # fmt: skip
+            self._follower = threading.Thread(
+                target=self._follow, args=(self._process, self.progress), daemon=True
+            )
+            self._follower.start()
+
+    def cancel(self) -> None:
+        """Interrupt the render, if one runs; what is written stays whole."""
+        process = self._process
+        if process is None or self.progress.state != "running":
+            return
+        self.progress.state = "cancelled"
+        with suppress(ProcessLookupError):
+            process.send_signal(signal.SIGINT)
+
+    def close(self) -> None:
+        """Interrupt the render and wait for its end."""
+        self.cancel()
+        process = self._process
+        if process is not None:
+            with suppress(subprocess.TimeoutExpired):
+                process.wait(_PATIENCE_S)
+            if process.poll() is None:
+                process.kill()
+        if self._follower is not None:
+            self._follower.join()
+
+    def _follow(self, process: subprocess.Popen[str], progress: Progress) -> None:
+        assert process.stdout is not None
+        assert process.stderr is not None
+        began = time.monotonic()
+        told: list[str] = []
+        errors = threading.Thread(target=_gather, args=(process.stderr, told), daemon=True)
+        errors.start()
+        for line in process.stdout:
+            event = _event(line)
+            if event.get("event") == "frame":
+                progress.done, progress.of = int(event["done"]), int(event["of"])
+                progress.seconds = time.monotonic() - began
+                rate = progress.done / max(progress.seconds, 1e-6)
+                progress.left_s = (progress.of - progress.done) / rate if rate else None
+        code = process.wait()
+        errors.join()
+        progress.seconds, progress.left_s = time.monotonic() - began, None
+        if code == 0:
+            progress.state = "done"
+        elif progress.state != "cancelled":
+            progress.state = "failed"
+            progress.message = "\n".join(told[-4:]) or f"exit code {code}"
+        process.stdout.close()
+        process.stderr.close()
+
+
+def _gather(stream: Any, told: list[str]) -> None:
+    for line in stream:
+        told.append(line.rstrip("\n"))
+        del told[:-20]
+
+
+def _event(line: str) -> dict[str, Any]:
+    with suppress(ValueError):
+        found = json.loads(line)
+        if isinstance(found, dict):
+            return found
+    return {}

@@ -1,0 +1,146 @@
+"""Saving a preset and a shot list: whole or not at all, and never over a stranger's file."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import shlex
+from pathlib import Path
+from typing import Any
+
+from itmo_video.analysis.reading import parse_analysis
+from itmo_video.errors import InputError, OutputError, UsageError
+from itmo_video.output.atomic import write_whole
+from itmo_video.presets import load_preset, read_preset
+from itmo_video.settings import flag_name
+from itmo_video.studio.document import Document
+
+SUFFIXES = {"preset": ".toml", "shots": ".json"}
+
+
+class ExistsError(OutputError):
+    """A file of the same kind is there: who saves may say that it is to be replaced."""
+
+
+class Saver:
+    """Writes into one folder, files by plain names; remembers what it wrote itself."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self._written: dict[Path, str] = {}
+
+    def path(self, name: str, suffix: str = "") -> Path:
+        """The file or folder called `name`; raises UsageError for what is no plain name."""
+        if not name or name != os.path.basename(name) or name.startswith((".", "-")):
+            raise UsageError(
+                f"{name!r} is no plain file name",
+                remedy=f"Files go to {self.folder}: give a name without folders.",
+            )
+        if any(ord(letter) < 32 or letter in '\\:*?"<>|' for letter in name):
+            raise UsageError(f"{name!r} holds characters that not every system allows")
+        return self.folder / (name if name.endswith(suffix) else name + suffix)
+
+    def save(self, kind: str, name: str, document: Document, replace: bool) -> Path:
+        """Write the document's settings ("preset") or its shots ("shots"); returns the file.
+
+        A file that is there is replaced if this object wrote it as it is, or if `replace` and it is
+        of the same kind; else ExistsError or OutputError.
+        """
+        if kind not in SUFFIXES:
+            raise UsageError(f"{kind!r} is neither preset nor shots")
+        path = self.path(name, SUFFIXES[kind])
+        data = preset_toml(document) if kind == "preset" else shots_json(document)
+        self._refuse(path, kind, document, replace)
+        write_whole(path, data, durable=True)
+        self._written[path] = _digest(path)
+        return path
+
+    def is_ours(self, path: Path) -> bool:
+        """Whether the file is as this object wrote it."""
+        return path in self._written and path.is_file() and _digest(path) == self._written[path]
+
+    def _refuse(self, path: Path, kind: str, document: Document, replace: bool) -> None:
+        if not os.path.lexists(path) or self.is_ours(path):
+            return
+        if path.is_symlink() or not path.is_file() or not _same_kind(path, kind, document):
+            raise OutputError(
+                f"it is there and no {'preset' if kind == 'preset' else 'shot list of this clip'}",
+                where=str(path),
+                remedy="Choose another name.",
+            )
+        if not replace:
+            raise ExistsError("it is there already", where=str(path), remedy="Replace it?")
+
+
+def preset_toml(document: Document) -> bytes:
+    """The clip's settings as a preset's file, with all that the preset it is based on sets."""
+    import tomli_w
+
+    values = {name: value for name, value in document.changed.items() if value is not None}
+    base = load_preset(document.preset)
+    if "operator" in values and values["operator"] != base.get("operator"):
+        # As make_settings does: what the preset sets for its own operator would not hold.
+        base = {name: value for name, value in base.items() if _holds(name, document, value)}
+    for one, other in (("l_max", "peak_nits"), ("peak_nits", "l_max")):
+        if one in values:
+            base.pop(other, None)
+    settings = {flag_name(name): _plain(value) for name, value in (base | values).items()}
+    content = {"description": f"made in the studio from {document.preset}", "settings": settings}
+    return tomli_w.dumps(content).encode()
+
+
+def _holds(name: str, document: Document, value: Any) -> bool:
+    return bool(_plain(getattr(document.settings, name)) == _plain(value))
+
+
+def shots_json(document: Document) -> bytes:
+    """The shots as the file of `analyse`; UsageError before the clip is analysed."""
+    if document.analysis is None:
+        raise UsageError("the clip's cuts are not known yet", remedy="Wait a moment.")
+    return document.analysis.to_json().encode("utf-8", "backslashreplace")
+
+
+def command(
+    document: Document, clip: str, output: str, preset: Path | None, shots: Path | None
+) -> str:
+    """The command that converts with this document, to be copied into a shell."""
+    words = ["itmo-video", "convert", clip, output]
+    if preset is not None:
+        words += ["--preset", str(preset)]
+    else:
+        words += ["--preset", document.preset]
+        for name, value in document.changed.items():
+            words += _flag(name, value)
+    if shots is not None:
+        words += ["--analysis", str(shots)]
+    return " ".join(shlex.quote(word) for word in words)
+
+
+def _flag(name: str, value: Any) -> list[str]:
+    flag = flag_name(name)
+    if isinstance(value, bool):
+        return [f"--{flag}" if value else f"--no-{flag}"]
+    if isinstance(value, dict):
+        return [word for key, v in value.items() for word in ("--operator-param", f"{key}={v:g}")]
+    if isinstance(value, list | tuple):
+        return [f"--{flag}", ",".join(map(str, value))]
+    return [f"--{flag}", f"{value:g}" if isinstance(value, float) else str(value)]
+
+
+def _plain(value: Any) -> Any:
+    return list(value) if isinstance(value, tuple) else value
+
+
+def _same_kind(path: Path, kind: str, document: Document) -> bool:
+    try:
+        if kind == "preset":
+            read_preset(str(path))
+            return True
+        found = parse_analysis(path.read_text("utf-8"), where=str(path))
+    except (InputError, UsageError, OSError, UnicodeDecodeError):
+        return False
+    return document.analysis is not None and found.digest == document.analysis.digest
+
+
+def _digest(path: Path) -> str:
+    return hashlib.blake2b(path.read_bytes()).hexdigest()

@@ -1,0 +1,226 @@
+"""One clip, any frame, any settings: what `convert` would write, with all that it takes remembered.
+
+The pictures come from the renderer's own functions; only what was made before is not made again.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Literal, cast
+
+import cv2
+import numpy as np
+
+from itmo_video.colour.linear_light import to_rgb_linear
+from itmo_video.errors import DamagedInputError
+from itmo_video.expand_map.key_map import key_lights, make_key_map
+from itmo_video.look import Look
+from itmo_video.model import Code, Float32, Frame, Half
+from itmo_video.motion.keyframes import Span
+from itmo_video.motion.shots import Analysed, analyse_frame
+from itmo_video.rendering import spans
+from itmo_video.rendering.frame import render
+from itmo_video.source.opening import input_options, open_clip
+from itmo_video.source.tags import InputOptions
+from itmo_video.studio.map_settings import map_settings
+from itmo_video.studio.memory import Memory, RememberedClip
+
+Part = Literal["hdr", "sdr", "expand_map", "gain", "clip_mask"]
+PARTS: tuple[Part, ...] = ("hdr", "sdr", "expand_map", "gain", "clip_mask")
+SCALES = (1, 2, 4)
+
+FRAME_BYTES = 400 << 20  # 1080p 4:2:0: 130 frames, a window and what is played around it
+MAP_BYTES = 200 << 20
+_THREADS = 2
+
+
+class StaleError(Exception):
+    """Nobody waits for this picture any more."""
+
+
+@dataclass(frozen=True)
+class Shown:
+    """A picture as the EXR has it: float16 (channels, H, W), linear, SDR white = 1."""
+
+    index: int
+    planes: Half
+    primaries: str
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """(width, height) in pixels."""
+        return self.planes.shape[2], self.planes.shape[1]
+
+
+def _never() -> bool:
+    return False
+
+
+class Session:
+    """An open clip and what was made of it; for one thread at a time. Close it, or use `with`."""
+
+    def __init__(
+        self,
+        source: str | Path,
+        options: InputOptions,
+        frame_bytes: int = FRAME_BYTES,
+        map_bytes: int = MAP_BYTES,
+    ) -> None:
+        """Open the clip; raises what `open_clip` does."""
+        self._source, self._frame_bytes, self._map_bytes = Path(source), frame_bytes, map_bytes
+        self._max_pixels = options.max_pixels
+        self._pool = ThreadPoolExecutor(_THREADS, thread_name_prefix="studio-map")
+        self._stale: Callable[[], bool] = _never
+        self._open(options)
+
+    def __enter__(self) -> Session:
+        return self
+
+    def __exit__(self, *exc: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Release the clip and end the threads."""
+        self._pool.shutdown(wait=True, cancel_futures=True)
+        self.clip.close()
+
+    @property
+    def held_bytes(self) -> int:
+        """What the pictures that are remembered take, decoded frames apart."""
+        return self._small.held_bytes + self._maps.held_bytes
+
+    def picture(
+        self,
+        index: int,
+        look: Look,
+        own: Look | None = None,
+        part: Part = "hdr",
+        scale: int = 1,
+        stale: Callable[[], bool] = _never,
+    ) -> Shown:
+        """A frame as `convert` writes it: keys and map by `look`, expanded by `own` (`look`).
+
+        With `scale` 2 or 4 from codes averaged to that part of its size, the map being the same.
+        Raises StaleError soon after `stale` says so, DamagedInputError where the frame does not
+        decode.
+        """
+        self._stale = stale
+        self._reopen(look)
+        own = own or look
+        frame, map_small, guide = self._frame_and_map(index, look)
+        if scale > 1:
+            frame = reduced(frame, scale)
+        if part == "sdr":
+            clip = own.settings.over_white == "clip"
+            planes = to_rgb_linear(frame, clip=clip)
+            return Shown(index, np.stack(planes).astype(np.float16), frame.encoding.primaries)
+        layers = () if part == "hdr" else (part,)
+        own = replace(own, settings=replace(own.settings, layers=layers))
+        self._check()
+        done = render(frame, map_small, own, guide)
+        if part != "hdr":
+            return Shown(index, done.layers[f"{part}.Y"][None], own.settings.primaries)
+        return Shown(index, np.stack(done.rgb), own.settings.primaries)
+
+    def frame(self, index: int) -> Frame:
+        """The decoded frame at `index`; raises DamagedInputError where it does not decode."""
+        found = next(self.clip.frames(index), None)
+        if found is None or found.index != index:
+            raise DamagedInputError(
+                f"frame {index} of the source does not decode", where=str(self._source)
+            )
+        return found
+
+    def lights(self, index: int, look: Look) -> list[tuple[float, float]]:
+        """The frame's own median-cut lights, (x, y) from 0 to 1 across the picture."""
+        self._stale = _never
+        self._reopen(look)
+        return key_lights(self.frame(index), look.settings)
+
+    def _open(self, options: InputOptions) -> None:
+        self.clip = RememberedClip(open_clip(self._source, options), self._frame_bytes)
+        self._options = options
+        self._small = Memory[tuple[Float32, Code, Float32]](self._map_bytes)
+        self._maps = Memory[Float32](self._map_bytes)
+
+    def _reopen(self, look: Look) -> None:
+        """Read the clip as these settings say; all that is remembered is of one reading."""
+        options = input_options(look.settings, self._max_pixels)
+        if options != self._options:
+            before = self.clip
+            self._open(options)
+            before.close()
+
+    def _frame_and_map(
+        self, index: int, look: Look
+    ) -> tuple[Frame, Float32 | None, Float32 | None]:
+        settings = look.settings
+        if not look.needs_map:
+            frame = self.frame(index)
+            return frame, None, self._analyse(frame, settings.map_width).guide
+        key = ("frame", index, map_settings(look))
+        map_small = self._maps.get(key)
+        if map_small is None:
+            span, analysed = self._span_of(index, look)
+            self._check()
+            map_small = spans.map_between(span, analysed, look, self._make_map)
+            self._maps.put(key, map_small, map_small.nbytes)
+            return analysed.frame, map_small, analysed.guide
+        frame = self.frame(index)
+        return frame, map_small, self._analyse(frame, settings.map_width).guide
+
+    def _span_of(self, index: int, look: Look) -> tuple[Span, Analysed]:
+        ended: list[Exception] = []
+        (run,) = spans.plan_runs([index], look)
+        found: Iterator[Span] = spans.spans_of(
+            self.clip, run, look, ended.append, self._pool, self._analyse, self._make_map
+        )
+        for span in found:
+            for analysed in span.frames:
+                if analysed.index == index:
+                    return span, analysed
+        raise DamagedInputError(
+            f"frame {index} of the source does not decode", where=str(self._source)
+        )
+
+    def _analyse(self, frame: Frame, map_width: int) -> Analysed:
+        self._check()
+        key = (frame.index, map_width)
+        held = self._small.get(key)
+        if held is None:
+            made = analyse_frame(frame, map_width)
+            held = made.guide, made.grey, made.tiny
+            self._small.put(key, held, sum(part.nbytes for part in held))
+        return Analysed(frame, *held)
+
+    def _make_map(self, frame: Frame, look: Look) -> Float32:
+        key = ("key", frame.index, map_settings(look))
+        held = self._maps.get(key)
+        if held is None:
+            held = make_key_map(frame, look)
+            self._maps.put(key, held, held.nbytes)
+        return held
+
+    def _check(self) -> None:
+        if self._stale():
+            raise StaleError
+
+
+def reduced(frame: Frame, scale: int) -> Frame:
+    """The frame with its codes averaged to 1 / `scale` of its size, subsampling kept."""
+    width, height = frame.size
+    if min(width, height) < 4 * scale:
+        return frame
+    small_w, small_h = -(-width // scale), -(-height // scale)
+
+    def plane(codes: Code) -> Code:
+        across, down = round(width / codes.shape[1]), round(height / codes.shape[0])
+        size = (-(-small_w // across), -(-small_h // down))
+        small = cv2.resize(codes, size, interpolation=cv2.INTER_AREA)
+        return cast(Code, small.reshape(size[::-1]))
+
+    planes: Sequence[Code] = [plane(codes) for codes in frame.planes]
+    return replace(frame, planes=tuple(planes))

@@ -1,0 +1,102 @@
+"""What the page is told: facts that stay, and the state as it is now."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+from typing import Any
+
+from itmo_video.colour.primaries import (
+    CHROMATICITIES,
+    luminance_weights,
+    rgb_to_rgb_matrix,
+    rgb_to_xyz_matrix,
+)
+from itmo_video.settings import Settings
+from itmo_video.source.facts import clip_facts
+from itmo_video.studio import controls, shot_settings
+from itmo_video.studio.desk import Desk
+from itmo_video.studio.document import Document
+
+
+def about(desk: Desk) -> dict[str, Any]:
+    """What does not change while the studio is open."""
+    info = desk.info
+    return {
+        "name": Path(info.path).name,
+        "stem": info.stem,
+        "size": info.display_size,
+        "frames": info.frames,
+        "first_number": desk.first_number,
+        "rate": float(info.frame_rate),
+        "pixel_aspect": float(info.pixel_aspect),
+        "facts": clip_facts(info),
+        "notices": list(info.notices),
+        "folder": str(desk.saver.folder),
+        "controls": controls.controls(),
+        "presets": controls.presets(),
+        "operators": controls.operators(),
+        "primaries": {
+            name: {
+                "to_709": rgb_to_rgb_matrix(name, "rec709").tolist(),
+                "to_xyz": rgb_to_xyz_matrix(name).tolist(),
+                "weights": luminance_weights(name),
+            }
+            for name in CHROMATICITIES
+        },
+    }
+
+
+def state(desk: Desk) -> dict[str, Any]:
+    """What the page shows of the document, the saved files and the render."""
+    now = desk.history.now
+    progress = dataclasses.asdict(desk.runner.progress)
+    return {
+        "version": desk.version,
+        "document": _document(now),
+        "other": _document(desk.other) if desk.other is not None else None,
+        "can_undo": desk.history.can_undo,
+        "can_redo": desk.history.can_redo,
+        "analysed": desk.analysed,
+        "is_analysed": now.analysis is not None,
+        "analysis_error": desk.analysis_error,
+        "keys": keys(desk, now),
+        "saved": {kind: path.name for kind, path in desk.saved.items()},
+        "command": desk.command(),
+        "shots_need_saving": desk.shots_need_saving,
+        "render": progress,
+    }
+
+
+def keys(desk: Desk, document: Document) -> list[int]:
+    """Numbers of the frames that keyframes stand on: the grid, both sides of cuts, the last.
+
+    A key that a flash moves is shown where it would stand without.
+    """
+    reach, last = document.settings.key_reach, desk.info.frames - 1
+    found = {*range(0, last + 1, reach), last}
+    for cut in document.analysis.cuts if document.analysis else ():
+        found |= {cut - desk.first_number - 1, cut - desk.first_number}
+    return sorted(index + desk.first_number for index in found)
+
+
+def _document(document: Document) -> dict[str, Any]:
+    settings: Settings = document.settings
+    values = {f.name: getattr(settings, f.name) for f in dataclasses.fields(settings)}
+    values["layers"] = list(settings.layers)
+    return {
+        "preset": document.preset,
+        "changed": dict(document.changed),
+        "settings": values,
+        "l_max": settings.l_max_effective,
+        "peak_nits": settings.l_max_effective * settings.white_nits,
+        "shots": [
+            {
+                "first": shot.first,
+                "last": shot.last,
+                "enabled": shot.enabled,
+                "own": shot_settings.own_of(shot, settings),
+            }
+            for shot in document.shots
+        ],
+    }

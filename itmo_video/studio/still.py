@@ -1,0 +1,19 @@
+"""The present frame as an HDR still, for browsers and monitors that show HDR."""
+
+from __future__ import annotations
+
+from itmo_video.delivery import encode, hdr
+from itmo_video.settings import Settings
+from itmo_video.studio.session import Shown
+
+_CRF = 18
+
+
+def avif_still(shown: Shown, settings: Settings) -> bytes:
+    """A 10-bit PQ AVIF of a picture, as `preview --frame` makes it."""
+    white = settings.white_nits
+    peak = settings.l_max_effective * white
+    planes, _ = hdr.master_frame(
+        tuple(shown.planes), shown.primaries, white, peak, "pq", "420", shown.index
+    )
+    return encode.encode_avif(planes, _CRF)

@@ -1,0 +1,215 @@
+"""The studio's HTTP surface: pictures, edits, and who is refused."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from clips import moving_scene, write_ffv1
+from starlette.testclient import TestClient
+
+from itmo_video import make_settings
+from itmo_video.conversion.convert import RunOptions, convert
+from itmo_video.output.exr import read_exr
+from itmo_video.studio.desk import Desk
+from itmo_video.studio.document import Document
+from itmo_video.studio.latest import Latest
+from itmo_video.studio.server import make_app
+from itmo_video.studio.session import StaleError
+
+TOKEN, PORT = "s3cret", 4711
+BASE = f"http://127.0.0.1:{PORT}"
+
+
+@pytest.fixture(scope="module")
+def clip(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("studio") / "scene.mkv"
+    return write_ffv1(path, moving_scene(14, width=96, height=64, cuts=(8,)))
+
+
+@pytest.fixture
+def desk(clip: Path, tmp_path: Path) -> Iterator[Desk]:
+    with Desk(clip, Document("default"), tmp_path) as opened:
+        yield opened
+
+
+@pytest.fixture
+def client(desk: Desk) -> TestClient:
+    return TestClient(make_app(desk, TOKEN, PORT), base_url=f"{BASE}/{TOKEN}/")
+
+
+def picture(client: TestClient, **asked: Any) -> np.ndarray[Any, Any]:
+    answer = client.get("api/picture", params=asked)
+    assert answer.status_code == 200, answer.text
+    shape = [int(answer.headers[f"x-{name}"]) for name in ("channels", "height", "width")]
+    return np.frombuffer(answer.content, np.float16).reshape(shape)
+
+
+def edit(client: TestClient, do: str, **more: Any) -> dict[str, Any]:
+    answer = client.post("api/edit", json={"do": do, **more})
+    assert answer.status_code == 200, answer.text
+    return dict(answer.json())
+
+
+def analysed(client: TestClient) -> dict[str, Any]:
+    for _ in range(200):
+        state = client.get("api/state").json()
+        if state["is_analysed"]:
+            return dict(state)
+        time.sleep(0.05)
+    raise AssertionError("no cuts were found")
+
+
+def test_what_it_shows_is_what_convert_writes(
+    client: TestClient, clip: Path, tmp_path: Path
+) -> None:
+    assert [s["first"] for s in analysed(client)["document"]["shots"]] == [1, 9]
+    edit(client, "set", values={"strength": 0.7})
+    edit(client, "split", at=11)
+    edit(client, "set", values={"peak_nits": 400}, shot=2)
+    saved = client.post("api/save", json={"kind": "shots", "name": "list"}).json()
+    saved_preset = client.post("api/save", json={"kind": "preset", "name": "look"}).json()
+    from itmo_video import read_analysis
+
+    run = RunOptions(analysis=read_analysis(saved["path"]), jobs=1)
+    convert(clip, tmp_path / "out", make_settings(saved_preset["path"]), run)
+    for index in (0, 7, 9, 10, 13):
+        channels = read_exr(tmp_path / f"out/scene.{index + 1:04d}.exr").channels
+        exr = np.stack([channels[name] for name in "RGB"])
+        assert np.array_equal(picture(client, index=index), exr), index
+    told = client.get("api/state").json()["command"]
+    assert "look.toml" in told
+    assert "list.json" in told
+
+
+def test_a_and_b(client: TestClient) -> None:
+    before = picture(client, index=3)
+    edit(client, "keep_other")
+    edit(client, "set", values={"peak_nits": 4000})
+    assert np.array_equal(picture(client, index=3, slot="b", lane="b"), before)
+    assert picture(client, index=3).max() > before.max()
+    edit(client, "swap")
+    assert np.array_equal(picture(client, index=3), before)
+
+
+def test_variants_do_not_change_the_document(client: TestClient) -> None:
+    state = analysed(client)
+    tried = client.post("api/try", json={"index": 3, "preset": "paper", "scale": 2})
+    assert tried.status_code == 200
+    assert client.get("api/state").json()["version"] == state["version"]
+
+
+def test_errors_are_told(client: TestClient) -> None:
+    for path, asked in (
+        ("api/edit", {"do": "set", "values": {"radius": -3}}),
+        ("api/edit", {"do": "set", "values": {"nonsense": 1}}),
+        ("api/edit", {"do": "set", "values": {"lights": 3}}),
+        ("api/edit", {"do": "set", "values": {"operator_params": {"x": 1}}}),
+        ("api/edit", {"do": "preset", "preset": "/etc/passwd.toml"}),
+        ("api/edit", {"do": "preset", "preset": ["x"]}),
+        ("api/edit", {"do": "explode"}),
+        ("api/edit", {"do": "split", "at": "x"}),
+        ("api/try", {"index": 1, "values": [1]}),
+        ("api/try", {"index": 1, "preset": "../x"}),
+        ("api/save", {"kind": "preset", "name": "../../x"}),
+        ("api/render", {"kind": "rm", "name": "x"}),
+        ("api/render", {"kind": "convert", "name": "../x"}),
+    ):
+        answer = client.post(path, json=asked)
+        assert answer.status_code == 422, (path, asked, answer.text)
+        assert answer.json()["error"]
+    for bad in ("index=99", "index=-1", "index=x", "index=1&scale=3", "index=1&lane=z"):
+        assert client.get(f"api/picture?{bad}").status_code == 422, bad
+    assert client.post("api/edit", content=b"[" * 9, headers=JSON).status_code == 422
+
+
+JSON = {"content-type": "application/json"}
+
+
+def test_strangers_are_refused(desk: Desk) -> None:
+    client = TestClient(make_app(desk, TOKEN, PORT), base_url=BASE)
+    good = f"/{TOKEN}/api/state"
+    assert client.get(good).status_code == 200
+    for path in ("/", "/api/state", "/wrong/api/state", f"/{TOKEN}", "/s3cre/api/state", "//"):
+        assert client.get(path).status_code == 403, path
+    for host in ("evil.example", "evil.example:4711", "127.0.0.1", "127.0.0.1:80", ""):
+        assert client.get(good, headers={"host": host}).status_code == 421, host
+    assert client.get(good, headers={"host": f"localhost:{PORT}"}).status_code == 200
+    for origin in ("http://evil.example", "null", "https://127.0.0.1:4711", "http://127.0.0.1"):
+        assert client.get(good, headers={"origin": origin}).status_code == 403, origin
+    assert client.get(good, headers={"origin": BASE}).status_code == 200
+    for site in ("cross-site", "same-site"):
+        assert client.get(good, headers={"sec-fetch-site": site}).status_code == 403, site
+    edit = f"/{TOKEN}/api/edit"
+    assert client.post(edit, content="do=undo").status_code == 415
+    assert client.post(edit, content=b"x" * 70000, headers=JSON).status_code == 413
+
+
+def test_no_path_leads_out(desk: Desk) -> None:
+    client = TestClient(make_app(desk, TOKEN, PORT), base_url=BASE)
+    for path in ("../server.py", "%2e%2e/server.py", "viewer/../../cli/main.py", "..%2f..%2fx",
+                 "/etc/passwd", "page/index.html", "viewer/", "api/picture/..", ".."):  # fmt: skip
+        assert client.get(f"/{TOKEN}/{path}").status_code in (403, 404), path
+
+
+def test_headers_forbid_all_else(client: TestClient) -> None:
+    answer = client.get("")
+    assert "default-src 'none'" in answer.headers["content-security-policy"]
+    assert answer.headers["referrer-policy"] == "no-referrer"
+    assert answer.headers["cache-control"] == "no-store"
+
+
+def test_a_render_goes_to_its_end(client: TestClient, tmp_path: Path) -> None:
+    client.post("api/render", json={"kind": "convert", "name": "out"})
+    assert client.post("api/render", json={"kind": "convert", "name": "o2"}).status_code == 422
+    for _ in range(600):
+        progress = client.get("api/state").json()["render"]
+        if progress["state"] != "running":
+            break
+        time.sleep(0.1)
+    assert progress["state"] == "done", progress
+    assert (progress["done"], progress["of"]) == (14, 14)
+    assert len(list((tmp_path / "out").glob("*.exr"))) == 14
+
+
+def test_a_render_is_cancelled_and_failures_are_told(desk: Desk, tmp_path: Path) -> None:
+    desk.render("convert", "out")
+    desk.runner.close()
+    assert desk.runner.progress.state == "cancelled"
+    (tmp_path / "strange").mkdir()
+    (tmp_path / "strange" / "file").write_text("mine")
+    desk.render("convert", "strange")
+    assert desk.runner._follower is not None
+    desk.runner._follower.join(60)
+    assert desk.runner.progress.state == "failed"
+    assert "no conversion made" in desk.runner.progress.message
+
+
+def test_many_clicks_pile_up_no_work() -> None:
+    latest, go = Latest(("a", "b")), threading.Event()
+    ran: list[int] = []
+
+    def work(n: int) -> int:
+        go.wait(5)
+        ran.append(n)
+        return n
+
+    first = latest.submit("a", lambda stale: (work(0), stale())[1])
+    while latest._waiting:
+        time.sleep(0.001)
+    futures = [latest.submit("a", lambda stale, n=n: work(n)) for n in range(1, 200)]
+    other = latest.submit("b", lambda stale: work(-1))
+    go.set()
+    assert first.result(5) is True, "it was not told that it is overtaken"
+    assert futures[-1].result(5) == 199
+    assert other.result(5) == -1
+    assert ran == [0, 199, -1]
+    assert sum(isinstance(f.exception(5), StaleError) for f in futures[:-1]) == 198
+    latest.close()
+    with pytest.raises(StaleError):
+        latest.submit("a", lambda stale: work(1)).result(5)
