@@ -22,7 +22,7 @@ from itmo_video.studio.running import Runner
 from itmo_video.studio.saving import Saver, command
 from itmo_video.studio.session import PARTS, SCALES, Part, Session, Shown, StaleError
 
-LANES = ("a", "b", "layer", "try", "play")
+LANES = ("a", "b", "sdr", "layer", "lights", "still", "try", "play")
 SLOTS = ("a", "b")
 RENDERS = {"convert": "", "preview": ".mp4"}
 
@@ -104,7 +104,7 @@ class Desk:
         """The median-cut lights of a frame as points (x, y), 0 to 1 across the picture."""
         look = self._in_slot(slot).look
         self._check_index(index)
-        return self._latest.submit("layer", lambda stale: self._session.lights(index, look))
+        return self._latest.submit("lights", lambda stale: self._session.lights(index, look))
 
     def _shown(
         self, index: int, document: Document, part: str, scale: int, lane: str

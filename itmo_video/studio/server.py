@@ -90,7 +90,7 @@ class _Api:
     async def _still(self, request: Request) -> Response:
         asked = request.query_params
         slot = asked.get("slot", "a")
-        version, shown = self._desk.picture(_whole(asked.get("index")), slot, "hdr", 1, "layer")
+        version, shown = self._desk.picture(_whole(asked.get("index")), slot, "hdr", 1, "still")
         settings = self._desk.history.now.settings
         data = await asyncio.to_thread(avif_still, await _of(shown), settings)
         return Response(data, media_type="image/avif", headers={"x-version": str(version)})

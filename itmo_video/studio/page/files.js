@@ -1,0 +1,95 @@
+// Saving, the command to copy, and the render, which goes on when the page is closed.
+
+import { post } from "./api.js";
+import { failed, on, refresh, S, take, told } from "./store.js";
+
+const byId = (id) => document.getElementById(id);
+
+async function save(kind, replace = false) {
+  const name = byId(`${kind}-name`).value.trim();
+  try {
+    const { path, state } = await post("api/save", { kind, name, replace });
+    take(state);
+    told(`Saved: ${path}`);
+    return true;
+  } catch (error) {
+    if (!error.exists) { failed(error); return false; }
+    if (!window.confirm(`${error.message}`)) return false;
+    return save(kind, true);
+  }
+}
+
+export async function saveAll() {
+  if (await save("preset") && S.state.is_analysed) await save("shots");
+}
+
+async function render(kind) {
+  try {
+    take(await post("api/render", { kind, name: byId("render-name").value.trim() }));
+    follow();
+  } catch (error) { failed(error); }
+}
+
+const minutes = (s) => (s >= 90 ? `${Math.round(s / 60)} min` : `${Math.ceil(s)} s`);
+
+function words({ state, done, of, left_s, output, seconds, message }) {
+  if (state === "running")
+    return `${done} of ${of || "…"} frames${left_s === null ? "" : `, ${minutes(left_s)} left`}`;
+  return { none: "", done: `Done in ${minutes(seconds)}: ${output}`, failed: message,
+    cancelled: `Cancelled; finished frames are intact. Render again to resume: ${output}` }[state];
+}
+
+function update() {
+  const { render: r, command } = S.state, isRunning = r.state === "running";
+  byId("command").textContent = command;
+  byId("unsaved").hidden = !S.state.shots_need_saving;
+  byId("render-progress").hidden = !isRunning;
+  byId("render-progress").value = r.of ? r.done / r.of : 0;
+  byId("render-says").textContent = words(r);
+  byId("render-says").classList.toggle("error", r.state === "failed");
+  byId("render-badge").textContent = isRunning && r.of ? ` ${Math.floor(100 * r.done / r.of)} %` : "";
+  document.title = `${isRunning && r.of ? `${Math.floor(100 * r.done / r.of)} % ` : ""}${S.about.name} – studio`;
+  for (const id of ["render-convert", "render-preview"]) byId(id).disabled = isRunning;
+  byId("render-cancel").disabled = !isRunning;
+}
+
+// Asks how far render and cuts are, while there is something to wait for.
+let following = 0;
+export function follow() {
+  clearTimeout(following);
+  const { render: r, is_analysed: done, analysis_error: error } = S.state;
+  if (r.state !== "running" && (done || error)) return;
+  following = setTimeout(async () => {
+    try { await refresh(); } catch (problem) { failed(problem); }
+    follow();
+  }, 400);
+}
+
+export function openFiles() {
+  const { stem } = S.about;
+  byId("preset-name").value = stem;
+  byId("shots-name").value = stem;
+  byId("render-name").value = `${stem}_hdr`;
+  byId("folder").textContent = S.about.folder;
+  for (const kind of ["preset", "shots"])
+    byId(`save-${kind}`).addEventListener("click", () => save(kind));
+  byId("copy").addEventListener("click", async () => {
+    try {
+      await navigator.clipboard.writeText(S.state.command);
+      told("The command is copied.");
+    } catch {
+      getSelection().selectAllChildren(byId("command"));
+      told("The browser does not allow copying: the command is selected, press Ctrl+C.");
+    }
+  });
+  byId("render-convert").addEventListener("click", () => render("convert"));
+  byId("render-preview").addEventListener("click", () => render("preview"));
+  byId("render-cancel").addEventListener("click", async () => {
+    try { take(await post("api/render", { do: "cancel" })); } catch (error) { failed(error); }
+  });
+  byId("open-files").addEventListener("click", () => byId("files").showModal());
+  byId("files-close").addEventListener("click", () => byId("files").close());
+  on("state", update);
+  update();
+  follow();
+}

@@ -1,0 +1,100 @@
+// The keyboard: every action with its key and its words, which the help shows.
+
+import { saveAll } from "./files.js";
+import { resetAll } from "./settings.js";
+import { divide, go } from "./stage.js";
+import { edit, S, told } from "./store.js";
+import { cut, markLoop, mergeHere, splitHere, switchHere } from "./timeline.js";
+import { loopHere, pause, shuttle, toggle } from "./transport.js";
+import { showVariants } from "./variants.js";
+import { compare, compared, expose, flip, nextScope, setView, showStill, tone, VIEWS, zoom } from "./views.js";
+
+const byId = (id) => document.getElementById(id);
+const step = (by) => { pause(); go(S.index + by); };
+const keepB = () => { edit({ do: "keep_other" }); told("The present settings are kept as B."); };
+
+// [keys, words, action]; keys as the browser names them, with Ctrl+ and Shift+ in front.
+const KEYS = [
+  ["Move", [
+    [[" ", "k"], "play or pause", toggle], [["l"], "play; again: faster", () => shuttle(1)],
+    [["j"], "play backwards; again: faster", () => shuttle(-1)],
+    [["ArrowRight"], "next frame", () => step(1)], [["ArrowLeft"], "frame before", () => step(-1)],
+    [["Shift+ArrowRight"], "a second on", () => step(Math.round(S.about.rate))],
+    [["Shift+ArrowLeft"], "a second back", () => step(-Math.round(S.about.rate))],
+    [["ArrowDown"], "next shot", () => cut(1)], [["ArrowUp"], "shot before", () => cut(-1)],
+    [["Home"], "first frame", () => go(0)], [["End"], "last frame", () => go(S.about.frames - 1)],
+    [["p"], "loop two seconds here, or stop looping", loopHere],
+    [["i"], "loop from here", () => markLoop("in")], [["o"], "loop to here", () => markLoop("out")]]],
+  ["Look", [
+    ...VIEWS.map(([view, label], i) => [[`${i + 1}`], label.toLowerCase(), () => setView(view)]),
+    [["s"], "SDR, and back to HDR", () => compare(compared() === "sdr" ? "hdr" : "sdr")],
+    [["d"], "SDR | HDR, split", () => compare(compared() === "split" ? "hdr" : "split")],
+    [[",", "."], "move the divider", (e) => divide(e.key === "," ? -0.02 : 0.02)],
+    [["]", "["], "exposure of HDR, half a stop", (e) => expose("hdr", e.key === "]" ? 0.5 : -0.5)],
+    [["}", "{"], "exposure of SDR, half a stop", (e) => expose("sdr", e.key === "}" ? 0.5 : -0.5)],
+    [["0"], "both exposures to 0", () => { expose("hdr", null); expose("sdr", null); }],
+    [["t"], "tone-mapped, or clipped at white", tone], [["c"], "clip mask", () => flip("mask")],
+    [["g"], "median-cut lights", () => flip("lights")], [["w"], "next scope", nextScope],
+    [["f"], "fit, or 100 %", zoom], [["h"], "HDR still", showStill]]],
+  ["Decide", [
+    [["Shift+B"], "keep the present settings as B", keepB],
+    [["b"], "B, and back to A", () => compare(compared() === "b" ? "hdr" : "b")],
+    [["a"], "B | A, split", () => compare(compared() === "ab" ? "hdr" : "ab")],
+    [["Shift+A"], "swap A and B", () => edit({ do: "swap" })],
+    [["x"], "split the shot before this frame", splitHere],
+    [["m"], "merge the shot with the next", mergeHere],
+    [["e"], "switch the shot to SDR or back", switchHere],
+    [["q"], "settings of the clip, or of this shot",
+      () => byId(S.scope_of === "clip" ? "of-shot" : "of-clip").click()],
+    [["v"], "variants", showVariants], [["Ctrl+z"], "undo", () => edit({ do: "undo" })],
+    [["Ctrl+y", "Ctrl+Shift+Z"], "redo", () => edit({ do: "redo" })],
+    [["Ctrl+Backspace"], "reset all", resetAll],
+    [["Ctrl+s"], "save preset and shot list", saveAll],
+    [["r"], "save and render …", () => byId("files").showModal()],
+    [["?"], "this help", () => byId("help").showModal()]]],
+];
+const NAMES = { " ": "Space", ArrowRight: "→", ArrowLeft: "←", ArrowUp: "↑", ArrowDown: "↓" };
+const BY_KEY = new Map(KEYS.flatMap(([, rows]) =>
+  rows.flatMap(([keys, , action]) => keys.map((key) => [key, action]))));
+
+function spelled(e) {
+  const isLetter = e.key.length > 1 || /[a-z]/i.test(e.key);
+  return `${e.ctrlKey || e.metaKey ? "Ctrl+" : ""}${e.shiftKey && isLetter ? "Shift+" : ""}${e.key}`;
+}
+
+function pressed(e) {
+  if (e.defaultPrevented || e.altKey || document.querySelector("dialog[open]")) return;
+  const { tagName, type } = e.target;
+  const types = tagName === "SELECT" || tagName === "INPUT" && !["checkbox", "radio", "range"].includes(type);
+  const moves = tagName === "INPUT" && e.key.startsWith("Arrow");
+  if ((types || moves) && !e.ctrlKey) return;
+  if (e.key === " " && ["BUTTON", "SUMMARY", "INPUT"].includes(tagName)) return;
+  const action = BY_KEY.get(spelled(e));
+  if (!action) return;
+  e.preventDefault();
+  action(e);
+}
+
+export function openKeys() {
+  byId("help-keys").append(...KEYS.map(([title, rows]) => {
+    const section = document.createElement("section"), heading = document.createElement("h3");
+    const list = document.createElement("dl");
+    heading.textContent = title;
+    for (const [keys, words] of rows) {
+      const term = document.createElement("dt"), said = document.createElement("dd");
+      term.append(...keys.map((key) => Object.assign(document.createElement("kbd"),
+        { textContent: key.replace(/Arrow\w+| /, (name) => NAMES[name]) })));
+      said.textContent = words;
+      list.append(term, said);
+    }
+    section.append(heading, list);
+    return section;
+  }));
+  byId("open-help").addEventListener("click", () => byId("help").showModal());
+  byId("help-close").addEventListener("click", () => byId("help").close());
+  byId("keep-b").addEventListener("click", keepB);
+  byId("swap").addEventListener("click", () => edit({ do: "swap" }));
+  byId("undo").addEventListener("click", () => edit({ do: "undo" }));
+  byId("redo").addEventListener("click", () => edit({ do: "redo" }));
+  document.addEventListener("keydown", pressed);
+}

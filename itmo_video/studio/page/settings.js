@@ -1,0 +1,98 @@
+// The settings as controls, each made from its own definition; for the clip, or for one shot.
+
+import { control } from "./control.js";
+import { change, edit, on, S, shotAt } from "./store.js";
+
+const byId = (id) => document.getElementById(id);
+const OPEN = new Set(["Look", "Expand Map"]);
+const made = new Map();
+let gesture = 0;
+
+export const target = () => (S.scope_of === "shot" ? shotAt(S.index) : null);
+const own = () => (target() === null ? S.state.document.changed
+  : S.state.document.shots[target()]?.own ?? {});
+
+// One edit is under way at a time; of those that wait for one setting the last counts.
+const waiting = new Map();
+let isSending = false;
+async function send() {
+  if (isSending) return;
+  isSending = true;
+  while (waiting.size) {
+    const [name, body] = waiting.entries().next().value;
+    waiting.delete(name);
+    await edit(body);
+  }
+  isSending = false;
+}
+
+// The moves of one drag are one step to undo: its end begins another.
+function set(name, value, isDrag) {
+  const shot = target();
+  if (shot === -1) return;
+  waiting.set(name, { do: "set", values: { [name]: value }, shot, gesture: `${name} ${gesture}` });
+  if (!isDrag) gesture++;
+  send();
+}
+
+function build() {
+  const groups = new Map();
+  for (const spec of S.about.controls) {
+    if (!groups.has(spec.group)) groups.set(spec.group, []);
+    groups.get(spec.group).push(spec);
+  }
+  byId("settings").replaceChildren(...[...groups].map(([name, specs]) => {
+    const group = document.createElement("details"), title = document.createElement("summary");
+    group.open = OPEN.has(name);
+    title.textContent = name;
+    group.append(title, ...specs.map((spec) => {
+      const one = control(spec, (value, isDrag) => set(spec.name, value, isDrag));
+      made.set(spec.name, one);
+      return one.element;
+    }));
+    return group;
+  }));
+}
+
+function update() {
+  const { document: { settings, preset }, document } = S.state;
+  const shot = target(), mine = own();
+  const derived = { l_max: document.l_max, l_white: document.l_max, peak_nits: settings.peak_nits };
+  for (const spec of S.about.controls) {
+    const one = made.get(spec.name);
+    const value = spec.name in mine ? mine[spec.name] : settings[spec.name];
+    const isOff = shot !== null && (!spec.of_shots || shot < 0);
+    one.update({ value, derived: derived[spec.name], changed: spec.name in mine, disabled: isOff,
+      operator: S.about.operators.find((o) => o.name === settings.operator) });
+  }
+  byId("preset").value = preset;
+  const about = S.about.presets.find((p) => p.name === preset);
+  byId("preset-says").textContent = about ? about.description : `from ${preset}`;
+  const place = shotAt(S.index);
+  byId("of-shot").disabled = place < 0;
+  byId("of-shot").textContent = place < 0 ? "This shot" : `Shot ${place + 1}`;
+  for (const name of ["clip", "shot"])
+    byId(`of-${name}`).setAttribute("aria-pressed", String(S.scope_of === name));
+  byId("scope-says").textContent = S.scope_of === "shot"
+    ? "Settings of this shot alone; those that are dim hold for the whole clip." : "";
+  byId("undo").disabled = !S.state.can_undo;
+  byId("redo").disabled = !S.state.can_redo;
+}
+
+export function resetAll() {
+  const values = Object.fromEntries(Object.keys(own()).map((name) => [name, null]));
+  if (Object.keys(values).length) edit({ do: "set", values, shot: target() });
+}
+
+export function openSettings() {
+  const names = S.about.presets.map(({ name }) => name);
+  if (!names.includes(S.state.document.preset)) names.push(S.state.document.preset);
+  byId("preset").replaceChildren(...names.map((name) => new Option(name, name)));
+  byId("preset").addEventListener("change", (e) => edit({ do: "preset", preset: e.target.value }));
+  byId("of-clip").addEventListener("click", () => change({ scope_of: "clip" }, "state"));
+  byId("of-shot").addEventListener("click", () => change({ scope_of: "shot" }, "state"));
+  byId("reset-all").addEventListener("click", resetAll);
+  build();
+  on("frame state", update);
+  update();
+}

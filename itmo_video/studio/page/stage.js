@@ -1,0 +1,176 @@
+// Shows the frame: which pictures the view needs, small first, then whole; draws them.
+
+import { draw } from "viewer/draw.js";
+import { bands, legend } from "viewer/false_colour.js";
+import { probe, short } from "viewer/light.js";
+import { drawScope } from "viewer/scopes.js";
+import { Screen } from "viewer/screen.js";
+import { get, Stale } from "./api.js";
+import { has, load, quickScale } from "./pictures.js";
+import { change, failed, number, on, peak, S } from "./store.js";
+
+const byId = (id) => document.getElementById(id);
+const LAYERS = { map: "expand_map", gain: "gain" };
+let screen, turn = 0, shown = null, drawing = 0;
+
+// The pictures that the present view is made of, by role.
+function needs(index, scale) {
+  const slot = S.slot, wanted = {};
+  const other = S.split === "b" ? { slot: "b", part: "hdr" } : { slot: "a", part: "sdr" };
+  wanted.main = S.only === "sdr" && S.split === "off"
+    ? { slot: "a", part: "sdr" } : { slot, part: "hdr" };
+  if (S.split !== "off" || S.view === "difference") wanted.other = other;
+  if (LAYERS[S.view]) wanted.layer = { slot, part: LAYERS[S.view] };
+  if (S.mask) wanted.mask = { slot, part: "clip_mask" };
+  return Object.fromEntries(
+    Object.entries(wanted).map(([role, asked]) => [role, { index, scale, ...asked }]));
+}
+
+const laneOf = ({ part, slot }) => part === "sdr" ? "sdr" : part === "hdr" ? slot : "layer";
+
+async function gathered(wanted, lane = null) {
+  const found = {};
+  const one = async ([role, asked]) => { found[role] = await load(asked, lane || laneOf(asked)); };
+  // Two layers share a lane, where the later would overtake the earlier.
+  const { layer, mask, ...rest } = wanted;
+  await Promise.all(Object.entries(rest).map(one));
+  for (const entry of Object.entries({ layer, mask })) if (entry[1]) await one(entry);
+  return found;
+}
+
+export async function show() {
+  const mine = ++turn, index = S.index, quick = quickScale();
+  const began = performance.now();
+  try {
+    const isThere = Object.values(needs(index, 1)).every(has);
+    for (const scale of quick > 1 && !isThere ? [quick, 1] : [1]) {
+      const found = await gathered(needs(index, scale));
+      if (mine !== turn) return;
+      shown = { ...found, index, scale };
+      paint();
+      byId("stage").dataset.ms = Math.round(performance.now() - began);
+      if (S.playing) return;
+    }
+  } catch (error) {
+    // What was overtaken by a request of the same turn (another view) is asked for again.
+    if (error instanceof Stale) { if (mine === turn) setTimeout(() => mine === turn && show(), 30); }
+    else failed(error);
+  }
+}
+
+// A frame for playing: true when it could be shown at once.
+export async function ready(index, lane) {
+  await gathered(needs(index, quickScale()), lane);
+}
+export function showHeld(index) {
+  const wanted = needs(index, quickScale()), found = {};
+  for (const [role, asked] of Object.entries(wanted)) {
+    found[role] = has(asked);
+    if (!found[role]) return false;
+  }
+  turn++;
+  shown = { ...found, index, scale: quickScale() };
+  paint();
+  return true;
+}
+
+function sides() {
+  const { main, other, layer, mask } = shown;
+  const gainOf = (role) => 2 ** S.exposure[role];
+  const isSdr = S.only === "sdr" && S.split === "off";
+  const right = {
+    picture: main, other, layer, mask, view: S.view, from: 0, to: 1,
+    gain: gainOf(isSdr ? "sdr" : "hdr"), toneMap: isSdr ? "clip" : S.toneMap,
+  };
+  if (S.split === "off" || !other) return [right];
+  const isB = S.split === "b", view = S.view === "false" ? "false" : "picture";
+  const left = { picture: other, view, from: 0, to: screen.split, mask: null,
+    gain: gainOf(isB ? "hdr" : "sdr"), toneMap: isB ? S.toneMap : "clip" };
+  return [left, { ...right, from: screen.split }];
+}
+
+// Draws soon, once however often it is asked for.
+export function paint() {
+  cancelAnimationFrame(drawing);
+  drawing = requestAnimationFrame(() => {
+    if (!shown) return;
+    const began = performance.now();
+    const white = S.state.document.settings.white_nits;
+    draw(byId("picture"), sides(), { white, peak: peak() });
+    const stage = byId("stage");
+    Object.assign(stage.dataset, { frame: number(shown.index), scale: shown.scale,
+      version: S.state.version, draw: Math.round(performance.now() - began) });
+    screen.shows = { divider: S.split !== "off", lights: S.lights };
+    screen.mark();
+    labels(white);
+    tell();
+    if (!S.playing) scope(white);
+  });
+}
+
+function scope(white) {
+  drawScope(byId("scope"), S.scope, shown.main, white);
+}
+
+function labels(white) {
+  const left = byId("left-label"), right = byId("right-label");
+  left.hidden = S.split === "off";
+  left.textContent = S.split === "b" ? "B" : "SDR";
+  right.textContent = S.split === "off" && S.only === "sdr" ? "SDR"
+    : S.slot === "b" ? "B" : S.split === "b" ? "A" : "HDR";
+  byId("legend").hidden = S.view !== "false";
+  if (S.view === "false") legend(byId("legend"), bands(white, peak() * white), short);
+  byId("quality").textContent = shown.scale === 1 ? "full size" : `1/${shown.scale} size`;
+}
+
+function tell() {
+  const out = byId("probe");
+  if (!screen.probe || !shown) return;
+  const { main, other } = shown, white = S.state.document.settings.white_nits;
+  const [x, y] = screen.probe;
+  const line = (name, picture) => {
+    const told = probe(picture, picture.at(x, y), white);
+    const stops = told.stops === null ? "black"
+      : `${told.stops >= 0 ? "+" : "−"}${Math.abs(told.stops).toFixed(2)} stops`;
+    const uv = told.uv ? `u′v′ ${told.uv.map((v) => v.toFixed(4)).join(" ")}` : "";
+    return [name, `${short(told.nits)} nits`, stops, uv, told];
+  };
+  const rows = [line(byId("right-label").textContent, main)];
+  if (other) rows.push(line(S.split === "b" ? "B" : "SDR", other));
+  Object.assign(out.dataset, { nits: rows[0][4].nits, rgb: rows[0][4].rgb.join(","),
+    x: Math.floor(x * main.width), y: Math.floor(y * main.height), scale: shown.scale });
+  out.replaceChildren(...rows.map((cells) => {
+    const row = document.createElement("div");
+    row.append(...cells.slice(0, 4).map((text) => {
+      const cell = document.createElement("span");
+      cell.textContent = text;
+      return cell;
+    }));
+    return row;
+  }));
+}
+
+async function fetchLights() {
+  if (!S.lights || S.playing) return;
+  try {
+    screen.lights = await get(`api/lights?index=${S.index}&slot=${S.slot}`);
+    screen.mark();
+  } catch (error) { failed(error); }
+}
+
+export function openStage() {
+  screen = new Screen({
+    box: byId("box"), canvas: byId("picture"), overlay: byId("overlay"), divider: byId("divider"),
+    size: S.about.size, aspect: S.about.pixel_aspect, onProbe: tell, onDivide: paint,
+  });
+  on("frame look", () => { if (!S.playing) { show(); fetchLights(); } });
+  on("view", () => { if (!S.playing) { show(); fetchLights(); } else paint(); screen.setZoom(S.zoom); });
+  new ResizeObserver(() => shown && paint()).observe(byId("scope"));
+  show();
+}
+
+export const divide = (by) => { if (S.split !== "off") screen.divide(screen.split + by); };
+export const go = (index) => {
+  const last = S.about.frames - 1;
+  change({ index: Math.min(last, Math.max(0, index)) }, "frame");
+};

@@ -1,0 +1,67 @@
+// What the page knows: facts, the document, and what is looked at; who wants to know is told.
+
+import { get, post, Refused, Stale } from "./api.js";
+
+export const S = {
+  about: null, state: null,
+  index: 0,                       // the frame looked at, from 0
+  view: "picture", split: "off",  // split: off, sdr, b
+  slot: "a", only: "hdr",         // of the whole picture: hdr or sdr
+  exposure: { hdr: 0, sdr: 0 },
+  toneMap: "bt2390", mask: false, lights: false, scope: "waveform", zoom: "fit",
+  scope_of: "clip",               // whom the controls set: clip or shot
+  playing: 0, loop: null,         // frames a step; [first, last] indices
+};
+
+const listeners = {};
+export function on(events, listener) {
+  for (const event of events.split(" ")) (listeners[event] ||= []).push(listener);
+}
+export function emit(event) {
+  for (const listener of listeners[event] || []) listener();
+}
+
+// Events: frame (another one), look (settings), view (how it is looked at), state (all else).
+export function change(values, event) {
+  Object.assign(S, values);
+  emit(event);
+}
+
+export function told(text, isError = false) {
+  const line = document.getElementById("status");
+  line.textContent = text;
+  line.classList.toggle("error", isError);
+}
+
+export function failed(error) {
+  if (error instanceof Stale) return;
+  if (error instanceof Refused) told(error.message, true);
+  else { told(`The page failed: ${error.message}`, true); throw error; }
+}
+
+export function take(state) {
+  const before = S.state;
+  if (before && state.version < before.version) return;  // an old answer after a newer one
+  S.state = state;
+  emit("state");
+  if (!before || before.version !== state.version) emit("look");
+}
+
+export async function refresh() {
+  take(await get("api/state"));
+}
+
+export async function edit(body) {
+  try {
+    take(await post("api/edit", body));
+    told("");
+  } catch (error) {
+    failed(error);
+    emit("state");
+  }
+}
+
+export const number = (index) => index + S.about.first_number;
+export const shotAt = (index) =>
+  S.state.document.shots.findIndex((s) => s.first <= number(index) && number(index) <= s.last);
+export const peak = () => S.state.document.l_max;

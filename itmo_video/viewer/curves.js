@@ -1,0 +1,56 @@
+// From light to a monitor's codes: BT.1886, exposure, and curves that bring highlights into SDR.
+
+const M1 = 2610 / 16384, M2 = 2523 / 4096 * 128;
+const C1 = 3424 / 4096, C2 = 2413 / 4096 * 32, C3 = 2392 / 4096 * 32;
+
+// PQ's code, 0 to 1, of light in nits (SMPTE ST 2084), and back.
+export function pqCode(nits) {
+  const y = Math.min(1, Math.max(0, nits / 10000)) ** M1;
+  return ((C1 + C2 * y) / (1 + C3 * y)) ** M2;
+}
+export function pqNits(code) {
+  const power = Math.min(1, Math.max(0, code)) ** (1 / M2);
+  return 10000 * (Math.max(power - C1, 0) / (C2 - C3 * power)) ** (1 / M1);
+}
+
+// ITU-R BT.2390-10's EETF with 203 nits as the monitor's white: linear up to a knee.
+function bt2390(level, peak) {
+  const top = pqCode(203 * Math.max(peak, 1.0001)), largest = pqCode(203) / top;
+  const e = pqCode(level * 203) / top, knee = 1.5 * largest - 0.5;
+  if (e < knee) return level;
+  const t = Math.min(1, (e - knee) / Math.max(1 - knee, 1e-9));
+  const spline = (2 * t ** 3 - 3 * t ** 2 + 1) * knee + (t ** 3 - 2 * t ** 2 + t) * (1 - knee)
+    + (-2 * t ** 3 + 3 * t ** 2) * largest;
+  return pqNits(spline * top) / 203;
+}
+
+export const TONE_MAPS = {
+  bt2390: { label: "Tone-mapped (BT.2390)", curve: bt2390 },
+  clip: { label: "Clipped at white", curve: (level) => level },
+};
+
+// 8-bit codes by the code of a picture: light times a gain, clipped.
+export function clippedTable(light, gain) {
+  const table = new Uint8Array(light.length);
+  for (let c = 0; c < light.length; c++)
+    table[c] = 255 * Math.min(1, Math.max(0, light[c] * gain)) ** (1 / 2.4) + 0.5;
+  return table;
+}
+
+// What light is multiplied by, by the code of the greatest of R, G and B, so that hue is kept.
+export function factorTable(light, gain, name, peak) {
+  const table = new Float32Array(light.length), { curve } = TONE_MAPS[name];
+  let last = 0, factor = gain;
+  for (let c = 0; c < light.length; c++) {
+    const level = light[c] * gain;
+    // Neighbouring codes differ by a thousandth: the curve is worked out for every fourth.
+    if (level > 0 && (c & 3) === 0) factor = gain * curve(level, peak * gain) / level;
+    table[c] = level > 0 ? factor : gain;
+    last = c;
+  }
+  return table;
+}
+
+// 8-bit codes by the root of light times 4095.
+export const ENCODED = Uint8Array.from(
+  { length: 4096 }, (_, i) => 255 * ((i / 4095) ** 2) ** (1 / 2.4) + 0.5);
