@@ -6,8 +6,9 @@ import dataclasses
 from typing import Any
 
 from itmo_video.operators import OPERATORS
+from itmo_video.options import flag_of, spec_of
 from itmo_video.presets import load_preset, preset_names, read_preset
-from itmo_video.settings import Settings, flag_name, spec_of
+from itmo_video.settings import Settings
 from itmo_video.studio import shot_settings
 
 # Where a setting stands on the page; one that is not named here stands under "More".
@@ -18,7 +19,7 @@ GROUPS: dict[str, tuple[str, ...]] = {
                    "noise_guard", "map_width"),
     "Over time": ("temporal", "key_interval", "smooth_keys"),
     "Source": ("transfer", "matrix", "range", "over_white", "projection", "force_sdr"),
-    "File": ("primaries", "compression", "layers"),
+    "File": ("primaries", "compression", "layers", "owner", "comments", "timecode"),
 }  # fmt: skip
 # They change which frames there are, which an open clip's time line does not follow.
 LEFT_OUT = ("fps", "deinterlace")
@@ -41,7 +42,7 @@ def controls() -> list[dict[str, Any]]:
         found.append(
             {
                 "name": f.name,
-                "flag": f"--{flag_name(f.name)}",
+                "flag": f"--{flag_of(f)}",
                 "label": f.name.replace("_", " "),
                 "help": spec.help,
                 "kind": spec.kind.__name__,

@@ -12,9 +12,10 @@ from typing import Any
 
 from itmo_video.analysis.analyse import analyse
 from itmo_video.analysis.model import Analysis
+from itmo_video.conversion.run_options import RunOptions
 from itmo_video.errors import InputError, ItmoError, UsageError
 from itmo_video.model import ClipInfo
-from itmo_video.source.opening import input_options
+from itmo_video.source.opening import input_files, input_options
 from itmo_video.studio import document as documents
 from itmo_video.studio.document import Document, History
 from itmo_video.studio.latest import Latest, Stale
@@ -35,21 +36,19 @@ class Desk:
         source: str | Path,
         document: Document,
         folder: Path,
-        *,
-        start_number: int = 1,
-        max_pixels: int = 2**27,
+        run: RunOptions | None = None,
     ) -> None:
         """Open the clip and begin to look for its cuts unless `document` has its analysis."""
-        settings = document.settings
-        self._session = Session(source, input_options(settings, max_pixels))
+        run = run or RunOptions()
+        self._max_pixels = run.max_pixels
+        self._session = Session(source, input_options(document.settings, run.max_pixels))
         self.info: ClipInfo = self._session.clip.info
         first = self.info.first_number
-        self.first_number = start_number if first is None else first
-        self._max_pixels = max_pixels
+        self.first_number = run.start_number if first is None else first
         self.history = History(document)
         self.version = 1
         self.other: Document | None = None
-        self.saver, self.runner = Saver(folder), Runner()
+        self.saver, self.runner = Saver(folder, input_files(source)), Runner()
         self.saved: dict[str, Path] = {}
         self._saved_as: dict[str, Document] = {}
         self.analysed, self.analysis_error = 0, ""

@@ -5,17 +5,23 @@ from __future__ import annotations
 import hashlib
 import os
 import shlex
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
 from itmo_video.analysis.reading import parse_analysis
 from itmo_video.errors import InputError, OutputError, UsageError
-from itmo_video.output.atomic import write_whole
+from itmo_video.options import flag_name
+from itmo_video.output.atomic import StrPath
+from itmo_video.output.gate import ANALYSIS, Gate, Kind
 from itmo_video.presets import load_preset, read_preset
-from itmo_video.settings import flag_name
 from itmo_video.studio.document import Document
 
 SUFFIXES = {"preset": ".toml", "shots": ".json"}
+KINDS = {
+    "preset": Kind("preset", lambda head: b"[settings]" in head or b"description" in head),
+    "shots": ANALYSIS,
+}
 
 
 class ExistsError(OutputError):
@@ -25,8 +31,9 @@ class ExistsError(OutputError):
 class Saver:
     """Writes into one folder, files by plain names; remembers what it wrote itself."""
 
-    def __init__(self, folder: Path) -> None:
-        self.folder = folder
+    def __init__(self, folder: Path, inputs: Iterable[StrPath] = ()) -> None:
+        """`inputs` are what the clip is read from, which nothing is written over."""
+        self.folder, self._inputs = folder, tuple(inputs)
         self._written: dict[Path, str] = {}
 
     def path(self, name: str, suffix: str = "") -> Path:
@@ -51,7 +58,8 @@ class Saver:
         path = self.path(name, SUFFIXES[kind])
         data = preset_toml(document) if kind == "preset" else shots_json(document)
         self._refuse(path, kind, document, replace)
-        write_whole(path, data, durable=True)
+        replaces = replace or self.is_ours(path)
+        Gate(path, KINDS[kind], inputs=self._inputs, overwrite=replaces).write(data)
         self._written[path] = _digest(path)
         return path
 

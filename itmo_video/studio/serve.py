@@ -7,26 +7,25 @@ import socket
 from collections.abc import Callable
 from pathlib import Path
 
+from itmo_video.conversion.run_options import RunOptions
 from itmo_video.errors import UsageError
 from itmo_video.studio.desk import Desk
 from itmo_video.studio.document import Document
+from itmo_video.studio.studio_options import StudioOptions
 
 
 def serve(
     source: str | Path,
     document: Document,
-    folder: Path,
-    *,
-    port: int = 0,
-    start_number: int = 1,
-    max_pixels: int = 2**27,
+    options: StudioOptions,
+    run: RunOptions,
     on_ready: Callable[[str], None],
 ) -> None:
     """Open the clip and serve its page on 127.0.0.1 until interrupted.
 
-    `port` 0 takes a free one. `on_ready` is given the page's address, which holds the token that
-    everything needs. Raises what opening the clip raises, and UsageError where the extra is missing
-    or the port is taken.
+    `on_ready` is given the page's address, which holds the token that everything needs. Of `run`
+    the start number and the greatest size count. Raises what opening the clip raises, and
+    UsageError where the extra is missing or the port is taken.
     """
     try:
         import tomli_w  # noqa: F401 - a missing extra is told before the work
@@ -38,16 +37,15 @@ def serve(
             f"the studio needs {error.name}, which is not installed",
             remedy="pip install 'itmo_video[studio]'",
         ) from error
+    folder = options.folder.resolve()
     if not folder.is_dir():
-        raise UsageError("it is no folder", where=str(folder))
-    with Desk(
-        source, document, folder, start_number=start_number, max_pixels=max_pixels
-    ) as desk, socket.socket() as listener:  # fmt: skip
+        raise UsageError("not a folder", where=str(folder), remedy="Make it, or choose another.")
+    with Desk(source, document, folder, run) as desk, socket.socket() as listener:
         listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:
-            listener.bind(("127.0.0.1", port))
+            listener.bind(("127.0.0.1", options.port))
         except OSError as error:
-            raise UsageError(f"port {port} cannot be used: {error.strerror}") from error
+            raise UsageError(f"port {options.port} cannot be used: {error.strerror}") from error
         listener.listen(64)
         taken = listener.getsockname()[1]
         token = secrets.token_urlsafe(24)

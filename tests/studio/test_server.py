@@ -14,7 +14,8 @@ from clips import moving_scene, write_ffv1
 from starlette.testclient import TestClient
 
 from itmo_video import make_settings
-from itmo_video.conversion.convert import RunOptions, convert
+from itmo_video.conversion.convert import convert
+from itmo_video.conversion.run_options import RunOptions
 from itmo_video.output.exr import read_exr
 from itmo_video.studio.desk import Desk
 from itmo_video.studio.document import Document

@@ -72,6 +72,15 @@ function choice(spec, onSet, id) {
   return { parts: [select], update: ({ value, disabled }) => { select.value = value; select.disabled = disabled; } };
 }
 
+function words(spec, onSet, id) {
+  const input = make("input", { id, spellcheck: false });
+  input.addEventListener("change", () => onSet(input.value || null, false));
+  return { parts: [input], update: ({ value, disabled }) => {
+    if (document.activeElement !== input) input.value = value ?? "";
+    input.disabled = disabled;
+  } };
+}
+
 const LAYERS = ["expand_map", "clip_mask", "gain"];
 function layers(spec, onSet) {
   const boxes = LAYERS.map((name) => make("input", { type: "checkbox", value: name }));
@@ -111,7 +120,7 @@ export function control(spec, onSet) {
   const id = `set-${serial++}`;
   const kind = spec.name === "lights" ? powers : spec.name === "operator_params" ? parameters
     : spec.kind === "tuple" ? layers : spec.kind === "bool" ? box
-      : spec.choices.length ? choice : numeric;
+      : spec.choices.length ? choice : spec.kind === "str" ? words : numeric;
   const { parts, update } = kind(spec, onSet, id);
   const label = make("label", { htmlFor: id, textContent: spec.label, title: `${spec.help} (${spec.flag})` });
   const back = make("button", { type: "button", className: "reset", textContent: "↺",
