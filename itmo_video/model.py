@@ -18,7 +18,7 @@ Code: TypeAlias = npt.NDArray[np.uint8] | npt.NDArray[np.uint16]
 Family = Literal["ycbcr", "rgb", "grey"]
 Matrix = Literal["bt709", "bt601", "bt2020"]
 Range = Literal["limited", "full"]
-Transfer = Literal["bt1886", "srgb", "gamma22", "linear", "pq", "hlg"]
+Transfer = Literal["bt1886", "srgb", "gamma22", "linear", "pq", "hlg", "log"]
 Primaries = Literal["rec709", "rec601_525", "rec601_625", "rec2020", "p3d65", "adobergb"]
 ChromaSiting = Literal[
     "left", "center", "topleft", "top", "right", "topright", "bottomleft", "bottom", "bottomright"

@@ -108,6 +108,10 @@ class Settings:
     fps: str | None = setting(
         None, str, "resample to this constant frame rate: 25, 23.976, 24000/1001", metavar="N"
     )
+    stream: int | None = setting(
+        None, int, "number of the video stream in the file (default: the one flagged as default)",
+        lower=0, upper=10000, metavar="N",
+    )  # fmt: skip
     force_sdr: bool = setting(False, bool, "treat a source that is tagged HDR as plain SDR")
     primaries: str = setting("rec709", str, "primaries of the output", choices=OUTPUT_PRIMARIES)
     compression: str = setting("zip", str, "EXR compression", choices=COMPRESSIONS)

@@ -5,6 +5,7 @@ Values are those of ../shared/data/field_reports/README.md, of linear light, 1.0
 
 from __future__ import annotations
 
+import json
 from fractions import Fraction
 from pathlib import Path
 
@@ -13,8 +14,11 @@ import pytest
 from clips import SHARED
 from stills import linear_srgb
 
-from itmo_video.errors import AlreadyHdrError, InputError
+from itmo_video.cli.main import main
+from itmo_video.colour import linear_light
+from itmo_video.errors import AlreadyHdrError, InputError, UsageError
 from itmo_video.source.opening import open_clip
+from itmo_video.source.tags import InputOptions
 
 REPORTS = SHARED / "data/field_reports"
 
@@ -94,3 +98,64 @@ def test_20_small_kinds() -> None:
     assert clip.info.frames == len(list(clip.frames())) == 42
     assert clip.info.duration_s == Fraction(283, 100)
     assert open_clip(report("20_small/xmp_no_prefix.jpg")).info.display_size == (1, 1)
+
+
+def test_07_untagged_hd_that_was_cropped_is_709() -> None:
+    encoding = open_clip(report("07_cropped_720p_untagged/crop720p_untagged.mp4")).info.encoding
+    assert (encoding.matrix, encoding.origins["matrix"]) == ("bt709", "assumed")
+
+
+def test_08_dolby_vision_of_no_other_player_is_hdr() -> None:
+    path = report("08_dolby_vision_p5/dolby_vision_p5.mp4")
+    with pytest.raises(AlreadyHdrError, match="profile 5"):
+        open_clip(path)
+    assert open_clip(path, InputOptions(force_sdr=True)).info.frames == 12
+
+
+def test_10_white_of_15_bits_is_white() -> None:
+    rgb = linear_srgb(report("10_rgb555/white_rgb555le.avi"))
+    assert rgb.min() == pytest.approx(1, abs=1e-6)
+
+
+def test_11_empty_chunks_repeat_the_frame_before() -> None:
+    clip = open_clip(report("11_avi_null_frames/null_mjpeg.avi"))
+    frames = {frame.index: frame for frame in clip.frames()}
+    assert list(frames) == list(range(25))
+    assert clip.info.frames_declared == 25
+    for index, source in ((5, 4), (6, 4), (12, 11)):
+        assert np.array_equal(frames[index].planes[0], frames[source].planes[0])
+        (again, *_) = clip.frames(index)
+        assert again.index == index
+        assert np.array_equal(again.planes[0], frames[source].planes[0])
+
+
+def test_12_the_default_stream_is_read_and_told() -> None:
+    path = report("12_several_video_streams/two_videos.mkv")
+    info = open_clip(path).info
+    assert info.display_size == (640, 360)
+    assert any("--stream" in notice for notice in info.notices)
+    assert open_clip(path, InputOptions(stream=0)).info.display_size == (160, 96)
+    with pytest.raises(UsageError, match="no video stream"):
+        open_clip(path, InputOptions(stream=7))
+
+
+def test_15_a_sequence_lasts_as_long_as_its_clip() -> None:
+    film = open_clip(report("15_frames_per_second/soft_telecine.mpg")).info
+    assert film.frame_rate == Fraction(24000, 1001)
+    screen = open_clip(report("15_frames_per_second/screen_vfr.mkv")).info
+    assert float(screen.frame_rate) == pytest.approx(26.97, abs=0.005)
+    assert screen.frames / screen.frame_rate == screen.duration_s
+    assert any("--fps" in notice for notice in screen.notices)
+
+
+def test_18_info_says_pq_as_tagged(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["info", "--json", str(report("18_info_hdr/dovi_regular.mkv"))]) == 0
+    assert json.loads(capsys.readouterr().out)["transfer"] == {"value": "pq", "from": "tag"}
+
+
+def test_19_crops_of_containers_are_applied() -> None:
+    clip = open_clip(report("19_container_crop/mkv_pixelcrop.mkv"))
+    assert clip.info.display_size == (320, 160)
+    frame = next(iter(clip.frames()))
+    assert frame.size == (320, 160)
+    assert np.dstack(linear_light.to_rgb_linear(frame, clip=True)).min() > 0.1, "black lines"

@@ -30,7 +30,7 @@ def _info(args: argparse.Namespace) -> int:
     from itmo_video.source.tags import InputOptions
 
     # info only tells: what convert would refuse as HDR is told, not refused.
-    with open_clip(args.input, InputOptions(force_sdr=True)) as clip:
+    with open_clip(args.input, InputOptions(only_tells=True)) as clip:
         told = facts.clip_facts(clip.info)
     if args.json:
         print(json.dumps(told, indent=1))
@@ -64,5 +64,7 @@ def as_table(facts: Mapping[str, Any]) -> str:
     for name, value in facts.items():
         if isinstance(value, dict):
             value = f"{value['value']} ({value['from']})"
+        if isinstance(value, list):
+            value = ("\n" + 21 * " ").join(value)
         lines.append(f"{name.replace('_', ' '):20} {'-' if value is None else value}")
     return "\n".join(lines)

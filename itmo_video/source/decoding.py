@@ -28,6 +28,7 @@ class Decoder:
     max_pixels: int
     packets: Packets
     codec: str
+    stream: int | None = None
 
     def numbered(self, start: int) -> Iterator[Numbered]:
         """Decoded frames with their indices, rising, from somewhere at or before `start` on."""
@@ -39,12 +40,23 @@ class Decoder:
             return
         if start >= len(packets.pts):
             return
-        last = -1
+        last, before = -1, None
         for frame in self.decoded(self._entry(start)):
             index = packets.index_of(frame.pts)
             if index is not None and index > last:
-                last = index
+                yield from self._repeated(last, index, before)
+                last, before = index, frame
                 yield index, frame, bool(frame.is_corrupt)
+        yield from self._repeated(last, len(packets.pts), before)
+
+    def _repeated(self, last: int, until: int, frame: Any) -> Iterator[Numbered]:
+        """The frame `last` again, for those after it that have no packet of their own."""
+        if frame is None or not self.packets.repeats:
+            return
+        for index in range(last + 1, until):
+            if self.packets.pts[index] not in self.packets.repeats:
+                return
+            yield index, frame, bool(frame.is_corrupt)
 
     def decoded(self, entry: tuple[int, int, int] | None) -> Iterator[Any]:
         """Decode from a key packet on, None for the first, past packets that fail."""
@@ -54,7 +66,7 @@ class Decoder:
             before = [key[1] for key in self.packets.keys if key[0] < entry[0]][-2:]
             stamps = [*entry[1:], *reversed(before), None]
         for stamp in stamps:
-            with open_video(self.path, self.max_pixels) as (container, stream):
+            with open_video(self.path, self.max_pixels, self.stream) as (container, stream):
                 packets: Iterator[Any] | None = read_packets(container, stream)
                 if entry is not None and stamp is not None:
                     packets = self._after_seek(container, stream, entry[0], stamp)
@@ -69,6 +81,8 @@ class Decoder:
         packet may refer to the group before. One more for H.264, whose key packets may be points
         of gradual recovery.
         """
+        while start > 0 and self.packets.pts[start] in self.packets.repeats:
+            start -= 1
         pts = self.packets.pts[start]
         place = self.packets.order[pts][0]
         usable = [key for key in self.packets.keys if key[0] <= place and key[1] <= pts]

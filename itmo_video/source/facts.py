@@ -34,4 +34,6 @@ def clip_facts(info: ClipInfo) -> dict[str, Any]:
         if name == "matrix" and encoding.family != "ycbcr":
             continue
         facts[name] = {"value": getattr(encoding, name), "from": encoding.origins.get(name)}
+    if info.notices:
+        facts["notices"] = list(info.notices)
     return facts

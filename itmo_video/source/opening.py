@@ -85,4 +85,5 @@ def input_options(settings: Settings, max_pixels: int = 2**27) -> InputOptions:
         deinterlace=settings.deinterlace,
         max_pixels=max_pixels,
         fps=settings.frame_rate,
+        stream=settings.stream,
     )

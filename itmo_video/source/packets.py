@@ -16,6 +16,7 @@ import numpy as np
 
 from itmo_video.errors import InputError
 from itmo_video.source.files import check_file, check_pixels
+from itmo_video.source.streams import choose_video
 
 # No playlists and no demuxer that opens a second file: those could read other local files.
 CONTAINERS = (
@@ -31,6 +32,10 @@ TAG_ERRORS: dict[str, Any] = (
 )
 
 
+_BROADCAST = ("mpegts", "mpeg")
+_JUMP_S = 10  # stamps further apart than this in a broadcast stream are a join
+
+
 @dataclass(frozen=True)
 class Packets:
     """The frames of a stream by their packets, found without decoding.
@@ -39,7 +44,10 @@ class Packets:
     in the file and its size. `keys` are (place, pts, dts) of the packets at which decoding can
     start. Not `is_exact`: stamps are missing, not unique or no times of presentation, so frames
     must be counted by decoding. `declared` is how many frames the container speaks of, None where
-    it does not.
+    it does not. `repeats` are stamps of frames without a packet, each of which repeats the frame
+    before it. `last_length` is how long the last one is shown, in ticks, 0 where that is not said.
+    `left_out` frames before the first key packet are none of the clip's. `has_jumps`: stamps jump,
+    as where captures are joined, so they are no times.
     """
 
     pts: tuple[int, ...]
@@ -47,6 +55,10 @@ class Packets:
     keys: tuple[tuple[int, int, int], ...]
     is_exact: bool
     declared: int | None = None
+    repeats: frozenset[int] = frozenset()
+    last_length: int = 0
+    left_out: int = 0
+    has_jumps: bool = False
 
     def index_of(self, pts: int | None) -> int | None:
         """Give the frame's number by its pts, None for a stamp that no packet has."""
@@ -73,16 +85,17 @@ def open_container(path: Path, max_pixels: int) -> Any:
 
 
 @contextmanager
-def open_video(path: Path, max_pixels: int) -> Iterator[tuple[Any, Any]]:
-    """Open a container and its first video stream, ready to decode: (container, stream).
+def open_video(path: Path, max_pixels: int, number: int | None = None) -> Iterator[tuple[Any, Any]]:
+    """Open a container and its film, ready to decode: (container, stream).
 
-    Raises InputError when it cannot be opened, has no video, is encrypted, its codec is unknown
-    or its frames are larger than `max_pixels`.
+    The stream with that number in the file, by default as `choose_video` says. Raises InputError
+    when it cannot be opened, has no video, is encrypted, its codec is unknown or its frames are
+    larger than `max_pixels`.
     """
     where = str(path)
     container = open_container(path, max_pixels)
     try:
-        stream = video_stream(container, where)
+        stream, _ = choose_video(container, number, where)
         prepare_decoder(stream, max_pixels, where)
         yield container, stream
     finally:
@@ -115,7 +128,8 @@ def scan_packets(container: Any, stream: Any) -> Packets:
     shown: list[int] = []
     order: dict[int, tuple[int, int]] = {}
     keys: list[tuple[int, int, int]] = []
-    is_unique, discarded = True, 0
+    is_unique, discarded, jumps = True, 0, Jumps(stream)
+    last = (0, 0)
     codec = str(stream.codec_context.name)
     for packet in read_packets(container, stream):
         if packet.size == 0:
@@ -124,6 +138,7 @@ def scan_packets(container: Any, stream: Any) -> Packets:
         if is_hidden(packet, codec):
             continue
         stamps.append(pts)
+        jumps.see(packet.dts if packet.dts is not None else pts)
         is_unique = is_unique and pts is not None and pts not in order
         if pts is not None:
             order[pts] = (place, packet.size)
@@ -131,23 +146,56 @@ def scan_packets(container: Any, stream: Any) -> Packets:
                 keys.append((place, pts, pts if packet.dts is None else packet.dts))
             if not packet.is_discard:
                 shown.append(pts)
+                last = max(last, (pts, int(packet.duration or 0)))
         discarded += packet.is_discard
     declared = _declared_frames(container, stream, len(stamps), shown)
     if declared is not None:
         declared -= discarded
-    return Packets(tuple(sorted(shown)), order, tuple(keys), is_unique, declared)
+    repeats = _empty_chunks(container, stream, shown, declared) if is_unique else frozenset()
+    pts_shown = tuple(sorted((*shown, *repeats)))
+    is_exact = is_unique and not jumps.found
+    return Packets(
+        pts_shown, order, tuple(keys), is_exact, declared, repeats, last[1], has_jumps=jumps.found
+    )
 
 
-def video_stream(container: Any, where: str) -> Any:
-    """The container's first video stream that is no cover picture; raises InputError for none."""
-    videos = [s for s in container.streams if s.type == "video"]
-    videos = [s for s in videos if "attached_pic" not in str(s.disposition).lower()]
-    if not videos:
-        raise InputError("there is no video in it", where=where)
-    usable = [s for s in videos if s.codec_context is not None]
-    if not usable:
-        raise InputError("its video codec is unknown, nothing here decodes it", where=where)
-    return usable[0]
+class Jumps:
+    """Watches a broadcast stream's stamps in the file's order for jumps back, or far ahead."""
+
+    def __init__(self, stream: Any) -> None:
+        name = str(stream.container.format.name)
+        self.found = False
+        self._last: int | None = None
+        self._reach = round(_JUMP_S / Fraction(stream.time_base)) if name in _BROADCAST else None
+
+    def see(self, stamp: int | None) -> bool:
+        """Whether this stamp jumps from the one before."""
+        if stamp is None or self._reach is None:
+            return False
+        last, self._last = self._last, stamp
+        jumps = last is not None and not -self._reach // 10 <= stamp - last <= self._reach
+        self.found = self.found or jumps
+        return jumps
+
+
+def _empty_chunks(
+    container: Any, stream: Any, shown: list[int], declared: int | None
+) -> frozenset[int]:
+    """Stamps of an AVI's empty chunks, which mean "as before"; AVI counts its stamps by chunks."""
+    if str(container.format.name) != "avi" or not shown or (declared or 0) <= len(shown):
+        return frozenset()
+    last = max(shown)
+    if int(stream.start_time or 0) + int(stream.frames) - 1 > last and _is_whole_riff(container):
+        last = int(stream.start_time or 0) + int(stream.frames) - 1
+    if last - min(shown) >= 2 * int(stream.frames):
+        return frozenset()  # its stamps count something else
+    return frozenset(range(min(shown), last + 1)) - set(shown)
+
+
+def _is_whole_riff(container: Any) -> bool:
+    with open(container.name, "rb") as file:
+        head = file.read(8)
+        return file.seek(0, os.SEEK_END) >= 8 + int.from_bytes(head[4:8], "little")
 
 
 def prepare_decoder(stream: Any, max_pixels: int, where: str) -> None:

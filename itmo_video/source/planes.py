@@ -70,7 +70,23 @@ def read_picture(frame: Any) -> Picture:
         if _SEMI_PLANAR.fullmatch(name):
             return _semi_planar(frame, name)
     # One thread: swscale's slices write past their last row's end, into what another has written.
-    return read_picture(frame.reformat(format=_unpacked(frame.format), threads=1))
+    picture = read_picture(frame.reformat(format=_unpacked(frame.format), threads=1))
+    return _widened(picture, frame.format)
+
+
+def _widened(picture: Picture, form: Any) -> Picture:
+    """RGB of fewer than 8 bits a channel (15 and 16 bits a pixel), its white brought to 255.
+
+    swscale shifts such codes up, so that their white would come out as 248 of 255.
+    """
+    bits = [component.bits for component in form.components]
+    if picture.family != "rgb" or picture.bit_depth != 8 or min(bits, default=8) >= 8:
+        return picture
+    planes = []
+    for plane, depth in zip(picture.planes, bits, strict=False):
+        codes, top = np.arange(256) >> (8 - depth), 2**depth - 1
+        planes.append(np.rint(codes * 255 / top).astype(np.uint8)[plane])
+    return replace(picture, planes=(*planes, *picture.planes[len(planes) :]))
 
 
 def _unpacked(form: Any) -> str:
@@ -151,7 +167,7 @@ def upright(
     """
     rotation, flip = turn
     if encoding.family == "ycbcr" and _needs_full_chroma(planes, turn):
-        planes, encoding = _full_chroma(planes, encoding)
+        planes, encoding = full_chroma(planes, encoding)
     if not rotation and not flip:
         return planes, encoding
     x, y = _OFFSETS[encoding.siting]
@@ -176,7 +192,8 @@ def _needs_full_chroma(planes: tuple[Code, ...], turn: Turn) -> bool:
     return False
 
 
-def _full_chroma(planes: tuple[Code, ...], encoding: Encoding) -> tuple[tuple[Code, ...], Encoding]:
+def full_chroma(planes: tuple[Code, ...], encoding: Encoding) -> tuple[tuple[Code, ...], Encoding]:
+    """Chroma brought to the size of luma, all of it in 16 bits."""
     height, width = planes[0].shape
     depth, top = encoding.bit_depth, 2**encoding.bit_depth - 1
     scale = 65535 / top if encoding.range == "full" else 2.0 ** (16 - depth)

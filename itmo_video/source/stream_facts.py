@@ -9,21 +9,26 @@ from itertools import chain, islice
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from itmo_video.errors import InputError
-from itmo_video.model import ClipInfo, Encoding
-from itmo_video.source import tags
+from itmo_video.errors import AlreadyHdrError, InputError
+from itmo_video.model import ClipInfo, Code, Encoding
+from itmo_video.source import hidden_hdr, tags
+from itmo_video.source.code_range import outside_range
+from itmo_video.source.container_facts import track_of
+from itmo_video.source.cropping import Crop, cropped, cropped_size, usable
 from itmo_video.source.decoding import Decoder, Numbered
 from itmo_video.source.deinterlace import can_deinterlace
 from itmo_video.source.files import check_pixels, content_digest
-from itmo_video.source.packets import Packets, open_video, packet_step, scan_packets
+from itmo_video.source.frame_timing import packet_notices, timing, timing_notices
+from itmo_video.source.packets import Packets, open_video, scan_packets
 from itmo_video.source.planes import Turn, picture_of, pixel_form, upright
+from itmo_video.source.streams import choose_video
 from itmo_video.source.tags import InputOptions
+from itmo_video.source.track_facts import TrackFacts
 
 _FILM_CODECS = ("mpeg2video", "vc1")  # in which films are telecined frame by frame
 _SAMPLE = 30  # frames looked at for telecine
 _INTERLACED = {2: "tff", 3: "bff", 4: "tff", 5: "bff"}  # FFmpeg's AVFieldOrder
+_CAPTURES = ("mpegts", "mpeg", "h264", "hevc", "mpegvideo")  # may begin and end anywhere
 _LIMITED_GREY = ("h264", "hevc", "av1", "libdav1d", "vp9", "mpeg2video", "mpeg4")
 
 
@@ -41,6 +46,7 @@ class StreamFacts:
     form: str
     stored: Encoding
     turn: Turn
+    crop: Crop | None
     is_deinterlaced: bool
     is_forced: bool
     info: ClipInfo
@@ -51,14 +57,15 @@ def find_facts(path: Path, options: InputOptions) -> tuple[StreamFacts, Iterator
 
     Raises InputError where no frame can be decoded, AlreadyHdrError by its tags, and av's errors.
     """
-    with open_video(path, options.max_pixels) as (container, stream):
+    with open_video(path, options.max_pixels, options.stream) as (container, stream):
         context = stream.codec_context
         codec, container_name = str(context.name), str(container.format.name)
-        decoder = Decoder(path, options.max_pixels, scan_packets(container, stream), codec)
+        packets = scan_packets(container, stream)
+        decoder = Decoder(path, options.max_pixels, packets, codec, stream.index)
         order = _INTERLACED.get(int(context.field_order), "progressive")
         if decoder.packets.is_exact and (order != "progressive" or container_name == "avi"):
             decoder = _as_countable(decoder)
-        decoder, first, begun = _first_frame(decoder)
+        decoder, first, begun = _first_frame(decoder, container_name in _CAPTURES)
         return facts_at(container, stream, decoder, first, options, content_digest([path])), begun
 
 
@@ -71,8 +78,14 @@ def facts_at(
     order = _INTERLACED.get(int(context.field_order), "progressive")
     check_pixels(first.width, first.height, options.max_pixels, str(path))
     picture = picture_of(path, first)
+    tagged, track = tags.read_tags(first, context), track_of(path, container, stream)
+    hidden = _hidden_hdr(path, container, stream, track, first, tagged)
+    if hidden is not None and not (options.force_sdr or options.transfer != "auto"):
+        if not options.only_tells:
+            raise hidden
+        tagged = replace(tagged, named_transfer="pq" if "Dolby" in hidden.what else "log")
     stored, told = tags.resolve_encoding(
-        tags.read_tags(first, context),
+        tagged,
         options,
         family=picture.family,
         bit_depth=picture.bit_depth,
@@ -94,18 +107,26 @@ def facts_at(
         and (is_interlaced or is_forced)
         and can_deinterlace(first, is_forced)
     )
-    notices = list(told)
+    _, chosen = choose_video(container, options.stream, str(path))
+    notices = [*([chosen] if chosen else []), *told]
+    if hidden is not None:
+        notices.append(hidden.what)
+    size = (first.width, first.height)
+    crop = usable(track.crop, size)
+    if crop is not None:
+        shown = cropped_size(size, crop)
+        notices.append(f"cropped to {shown[0]}x{shown[1]}, as its container says")
+    notices += outside_range(picture, stored)
     if is_interlaced or is_forced:
         done = "deinterlaced" if is_deinterlaced else "left as it is"
         notices.append(f"it is {'' if is_interlaced else 'not '}flagged interlaced: {done}")
     if is_interlaced or codec in _FILM_CODECS:
         sample = islice(decoder.decoded(None), _SAMPLE)
         notices += mixture([bool(frame.interlaced_frame) for frame in sample])
-    if not decoder.packets.is_exact:
-        notices.append("its time stamps are incomplete: frames are counted from the start")
+    notices += packet_notices(decoder.packets)
     time_base, form = Fraction(stream.time_base or 1), pixel_form(first)
-    rate, length, is_vfr = _timing(stream, decoder.packets, time_base)
-    notices += _timing_notices(decoder.packets, is_vfr)
+    rate, length, is_vfr = timing(stream, decoder.packets, time_base)
+    notices += timing_notices(decoder.packets, rate, is_vfr)
     if turn != (0, False):
         mirrored = "mirrored, then " if turn[1] else ""
         notices.append(f"turned upright: {mirrored}{turn[0]} degrees clockwise")
@@ -117,8 +138,8 @@ def facts_at(
         container=container_name,
         codec=codec,
         pixel_format=form,
-        width=first.width,
-        height=first.height,
+        width=cropped_size(size, crop)[0],
+        height=cropped_size(size, crop)[1],
         frames=len(decoder.packets.pts),
         frame_rate=rate,
         duration_s=length,
@@ -128,15 +149,34 @@ def facts_at(
         flip=turn[1],
         field_order=order,
         timecode=next((_printable(code) for code in codes if code), None),
-        encoding=upright(picture.planes, turn, stored)[1],
+        encoding=shown_planes(picture.planes, stored, crop, turn)[1],
         digest=digest,
         notices=tuple(notices),
         frames_declared=decoder.packets.declared,
     )
     return StreamFacts(
-        decoder, time_base, (first.width, first.height), form, stored, turn, is_deinterlaced,
-        is_forced, info,
+        decoder, time_base, size, form, stored, turn, crop, is_deinterlaced, is_forced, info,
     )  # fmt: skip
+
+
+def shown_planes(
+    planes: tuple[Code, ...], stored: Encoding, crop: Crop | None, turn: Turn
+) -> tuple[tuple[Code, ...], Encoding]:
+    """A decoded picture's planes as they are shown: cropped, then upright."""
+    if crop is not None:
+        planes, stored = cropped(planes, stored, crop)
+    return upright(planes, turn, stored)
+
+
+def _hidden_hdr(
+    path: Path, container: Any, stream: Any, track: TrackFacts, frame: Any, tagged: tags.Tags
+) -> AlreadyHdrError | None:
+    """The refusal of HDR that no transfer tag speaks of, None for all else."""
+    words = hidden_hdr.dolby_vision_words(track, frame, tagged.transfer)
+    if words is not None:
+        return hidden_hdr.refuse(words, str(path), is_dolby=True)
+    words = hidden_hdr.log_words(path, (container.metadata, stream.metadata))
+    return None if words is None else hidden_hdr.refuse(words, str(path), is_dolby=False)
 
 
 def _as_countable(decoder: Decoder) -> Decoder:
@@ -146,17 +186,28 @@ def _as_countable(decoder: Decoder) -> Decoder:
     # AVI stamps packets in the file's order; an interlaced frame may be two packets.
     is_shuffled = found != sorted(found)
     is_halved = len(found) > 1 and all(index % 2 == 0 for index in found)
+    is_halved = is_halved and not decoder.packets.repeats
     if is_shuffled or is_halved:
         return replace(decoder, packets=replace(decoder.packets, is_exact=False))
     return decoder
 
 
-def _first_frame(decoder: Decoder) -> tuple[Decoder, Any, Iterator[Numbered] | None]:
-    """The first frame that decodes, and what goes on from it; finds out whether packets count."""
+def _first_frame(
+    decoder: Decoder, is_capture: bool
+) -> tuple[Decoder, Any, Iterator[Numbered] | None]:
+    """The first frame that decodes, and what goes on from it; finds out whether packets count.
+
+    Frames of a capture that were shown before the first key packet refer to what was not captured:
+    they are none of its frames.
+    """
     if decoder.packets.is_exact:
         pictures = decoder.numbered(0)
         for picture in pictures:
-            return decoder, picture[1], chain((picture,), pictures)
+            lead = _leading(decoder.packets) if is_capture else 0
+            if lead == 0 or picture[0] < lead:
+                return decoder, picture[1], chain((picture,), pictures)
+            packets = replace(decoder.packets, pts=decoder.packets.pts[lead:], left_out=lead)
+            return _first_frame(replace(decoder, packets=packets), False)
     count, first = 0, None
     for count, frame in enumerate(decoder.decoded(None), 1):  # noqa: B007 - the last count
         first = first or frame
@@ -169,6 +220,11 @@ def _first_frame(decoder: Decoder) -> tuple[Decoder, Any, Iterator[Numbered] | N
     return replace(decoder, packets=counted), first, None
 
 
+def _leading(packets: Packets) -> int:
+    """How many frames are shown before the first key packet's."""
+    return (packets.index_of(packets.keys[0][1]) or 0) if packets.keys else 0
+
+
 def mixture(is_interlaced: Sequence[bool]) -> list[str]:
     """A word about telecine: interlaced and progressive frames in turn in the first frames."""
     if all(is_interlaced) or not any(is_interlaced):
@@ -177,31 +233,6 @@ def mixture(is_interlaced: Sequence[bool]) -> list[str]:
         f"{sum(is_interlaced)} of its first {len(is_interlaced)} frames are interlaced, others "
         "not: perhaps telecined film; no inverse telecine is done"
     ]
-
-
-def _timing(stream: Any, packets: Packets, time_base: Fraction) -> tuple[Fraction, Fraction, bool]:
-    """Frames a second, length in seconds, and whether the rate varies."""
-    rate = Fraction(stream.average_rate or stream.guessed_rate or 25)
-    count = len(packets.pts)
-    step = packet_step(packets.pts) if packets.is_exact else None
-    if step is None:
-        return rate, count / rate, False
-    measured = 1 / (step * time_base)
-    rate = rate if 0.8 < rate / measured < 1.25 or rate < measured else measured
-    length = (packets.pts[-1] - packets.pts[0] + step) * time_base
-    # Where a file is cut off, its last frames lack some of those shown before them.
-    whole = packets.pts[:-16] if count > 48 or (packets.declared or 0) > count else packets.pts
-    steps = np.diff(np.asarray(whole, np.int64))
-    # Matroska counts in whole milliseconds, so steps of a constant rate differ by one.
-    return rate, length, steps.size > 0 and int(np.ptp(steps)) > max(1, step // 50)
-
-
-def _timing_notices(packets: Packets, is_vfr: bool) -> list[str]:
-    told = ["its frame rate varies: each frame keeps its own time"] if is_vfr else []
-    missing = (packets.declared or 0) - len(packets.pts)
-    if missing > 0:
-        told.append(f"it is cut short: {missing} frames are missing at its end")
-    return told
 
 
 def _printable(tag: str) -> str:

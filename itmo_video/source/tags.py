@@ -32,7 +32,7 @@ _NEAR_MATRICES = {4: "FCC", 7: "SMPTE 240M", 10: "BT.2020 constant luminance"}
 _OTHER_MATRICES = {8: "YCgCo", 11: "YDzDx", 12: "derived", 13: "derived", 14: "ICtCp", 15: "IPT"}
 _TRANSFERS: dict[int, Transfer] = {
     1: "bt1886", 4: "gamma22", 5: "bt1886", 6: "bt1886", 7: "bt1886", 8: "linear", 11: "bt1886",
-    12: "bt1886", 13: "srgb", 14: "bt1886", 15: "bt1886", 16: "pq", 18: "hlg",
+    12: "bt1886", 13: "srgb", 14: "bt1886", 15: "bt1886", 16: "pq", 18: "hlg", 9: "log", 10: "log",
 }  # fmt: skip
 _HDR_TRANSFERS = {
     8: "linear light", 9: "logarithmic", 10: "logarithmic", 16: "PQ (HDR10)", 17: "SMPTE 428",
@@ -47,7 +47,11 @@ _RANGES: dict[int, Range] = {1: "limited", 2: "full"}
 
 @dataclass(frozen=True)
 class InputOptions:
-    """How the user says that an input is to be read; "auto" goes by its tags."""
+    """How the user says that an input is to be read; "auto" goes by its tags.
+
+    `stream` is a video stream's number in the file. With `only_tells` nothing is refused as HDR:
+    the clip says what it is and is not converted.
+    """
 
     transfer: str = "auto"
     matrix: str = "auto"
@@ -56,6 +60,8 @@ class InputOptions:
     deinterlace: str = "auto"
     max_pixels: int = 2**27
     fps: Fraction | None = None
+    stream: int | None = None
+    only_tells: bool = False
 
 
 @dataclass(frozen=True)
@@ -114,7 +120,9 @@ def resolve_encoding(
         return result
 
     set_transfer = options.transfer
-    if tags.transfer in _HDR_TRANSFERS and set_transfer == "auto":
+    if tags.transfer in _HDR_TRANSFERS and set_transfer == "auto" and options.only_tells:
+        told.append(f"it is tagged as {_HDR_TRANSFERS[tags.transfer]}: it is HDR already")
+    elif tags.transfer in _HDR_TRANSFERS and set_transfer == "auto":
         if not options.force_sdr:
             raise AlreadyHdrError(
                 f"it is tagged as {_HDR_TRANSFERS[tags.transfer]}, so it is HDR already",

@@ -14,8 +14,8 @@ from itmo_video.errors import DamagedInputError, InputError
 from itmo_video.model import Frame
 from itmo_video.source.clip import Clip
 from itmo_video.source.deinterlace import LEAD_IN, deinterlaced
-from itmo_video.source.planes import pixel_form, read_picture, upright
-from itmo_video.source.stream_facts import find_facts
+from itmo_video.source.planes import pixel_form, read_picture
+from itmo_video.source.stream_facts import find_facts, shown_planes
 from itmo_video.source.tags import InputOptions
 
 
@@ -79,5 +79,6 @@ class VideoClip(Clip):
         count = {"ycbcr": 3, "rgb": 3, "grey": 1}[stored.family] + stored.has_alpha
         if len(planes) < count:  # a palette without transparency, in a clip that has it
             planes = (*planes, np.full_like(planes[0], 255))
-        planes, encoding = upright(planes[:count], self._facts.turn, stored)
+        facts = self._facts
+        planes, encoding = shown_planes(planes[:count], stored, facts.crop, facts.turn)
         return Frame(index, self.time_s(index), planes, encoding, is_damaged)

@@ -1,0 +1,90 @@
+"""HDR that no transfer tag speaks of: Dolby Vision with a base layer of its own, cameras' log."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+from itmo_video.errors import AlreadyHdrError
+from itmo_video.source.track_facts import TrackFacts
+
+_DOLBY_ENTRIES = ("dvh1", "dvhe", "dav1", "dva1", "dvav")
+_UNTAGGED = (0, 2)
+_LOG_NAMES = re.compile(
+    r"\b(s-?log-?[23]?|slog[23]?|c-?log-?[23]?|canon log ?[23]?|v-?log(?:-?l)?|d-?log(?:-?m)?|"
+    r"n-?log|f-?log2?|log-?c[34]?|apple[ .-]?log2?|log3g10|redlogfilm|blackmagic.*film|"
+    r"protune.*flat|l-?log|z-?log2?|i-?log)\b",
+    re.IGNORECASE,
+)
+_ABOUT_CURVES = re.compile(
+    r"gamma|log|transfer|colou?r|capture|look|profile|picture", re.IGNORECASE
+)
+_XML = re.compile(
+    rb'(?:CaptureGammaEquation|GammaEquation|CaptureTransferFunction)"?\s*(?:value="|>)([^"<]{1,40})',
+    re.IGNORECASE,
+)
+_ENDS = 1 << 20  # cameras write their XML near the file's start or end
+
+
+def dolby_vision_words(track: TrackFacts, frame: Any, transfer: int) -> str | None:
+    """Why a stream is Dolby Vision that is no SDR, None where it is not, or is tagged anyway."""
+    record = track.dolby_vision
+    if record is not None:
+        if record.compatibility == 2 or (record.compatibility in (1, 4) and transfer in (16, 18)):
+            return None
+        base = {1: "HDR10", 4: "HLG"}.get(
+            record.compatibility, "IPT-PQ, which no player shows as is"
+        )
+        return f"it is Dolby Vision profile {record.profile}: its base layer is {base}"
+    if transfer not in _UNTAGGED:
+        return None
+    if track.sample_entry in _DOLBY_ENTRIES:
+        return f"it is Dolby Vision (sample entry {track.sample_entry})"
+    if any(kind.startswith("DOVI") for kind in _side_data(frame)):
+        return "its frames carry Dolby Vision metadata and no transfer tag"
+    return None
+
+
+def log_words(path: Path, metadata: Iterable[Mapping[str, str]]) -> str | None:
+    """Which camera's log its metadata name, in words; None where they name none."""
+    for tags in metadata:
+        for name, value in tags.items():
+            found = _LOG_NAMES.search(value) if _ABOUT_CURVES.search(name) else None
+            if found:
+                return f"its metadata say that it is {found[0]} ({name})"
+    for block in _both_ends(path):
+        for match in _XML.finditer(block):
+            value = match[1].decode("latin-1")
+            if _LOG_NAMES.search(value):
+                return f"the camera's metadata say that its gamma is {value}"
+    return None
+
+
+def refuse(words: str, where: str, *, is_dolby: bool) -> AlreadyHdrError:
+    """The refusal, with what to do."""
+    way = (
+        "Map it to SDR first (libplacebo: ffmpeg -vf libplacebo=colorspace=bt709...)"
+        if is_dolby
+        else "Bring it to display-referred SDR first, by the camera's own LUT or transform"
+    )
+    return AlreadyHdrError(
+        words, where=where, remedy=f"{way}; if it is SDR after all, --force-sdr."
+    )
+
+
+def _side_data(frame: Any) -> list[str]:
+    try:
+        return [str(side.type.name) for side in frame.side_data]
+    except ValueError:  # PyAV 18 does not know every kind of side data
+        return []
+
+
+def _both_ends(path: Path) -> Iterable[bytes]:
+    with path.open("rb") as file:
+        yield file.read(_ENDS)
+        size = path.stat().st_size
+        if size > _ENDS:
+            file.seek(max(_ENDS, size - _ENDS))
+            yield file.read(_ENDS)

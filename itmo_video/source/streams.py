@@ -1,0 +1,56 @@
+"""Which of a file's streams is its film."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from itmo_video.errors import InputError, UsageError
+
+# FFmpeg's AV_DISPOSITION flags: an attached picture, timed thumbnails, a still image.
+_DEFAULT, _NO_FILM = 1, 1 << 10 | 1 << 11 | 1 << 20
+
+
+def choose_video(container: Any, wanted: int | None, where: str) -> tuple[Any, str | None]:
+    """The video stream to read, and a notice where there was a choice.
+
+    The one with the number `wanted` in the file; else that flagged as default, of several the
+    first that has more than one frame. Cover art is no film. Raises UsageError for a number that
+    is no video stream, InputError where there is none, or none whose codec is known.
+    """
+    videos = [s for s in container.streams if s.type == "video"]
+    if wanted is not None:
+        chosen = next((s for s in videos if s.index == wanted), None)
+        if chosen is None:
+            known = ", ".join(_named(s) for s in videos) or "none"
+            raise UsageError(
+                f"stream {wanted} is no video stream", where=where, remedy=f"There are: {known}."
+            )
+        if chosen.codec_context is None:
+            raise InputError(f"the codec of its stream {wanted} is unknown", where=where)
+        return chosen, None
+    films = [s for s in videos if not _has(s, _NO_FILM)]
+    if not films:
+        what = "no film in it, only cover art" if videos else "no video in it"
+        raise InputError(f"there is {what}", where=where)
+    usable = [s for s in films if s.codec_context is not None]
+    if not usable:
+        raise InputError("its video codec is unknown, nothing here decodes it", where=where)
+    flagged = [s for s in usable if _has(s, _DEFAULT)] or usable
+    chosen = max(flagged, key=lambda s: (s.frames != 1, -s.index))
+    if len(films) == 1:
+        return chosen, None
+    others = ", ".join(_named(s) for s in films if s is not chosen)
+    return chosen, (
+        f"it has {len(films)} video streams: {_named(chosen)} is read, not {others} "
+        "(--stream N reads another)"
+    )
+
+
+def _has(stream: Any, flags: int) -> bool:
+    return bool(int(stream.disposition) & flags)
+
+
+def _named(stream: Any) -> str:
+    context = stream.codec_context
+    size = "of an unknown codec" if context is None else f"{context.width}x{context.height}"
+    return f"{stream.index} ({size}{', default' * _has(stream, _DEFAULT)})"
