@@ -26,7 +26,7 @@ REPORTS = SHARED / "data/field_reports"
 def report(name: str) -> Path:
     path = REPORTS / name
     if not path.exists():
-        pytest.skip(f"{path} is not here")
+        pytest.skip(f"needs ../shared: {path.name}")
     return path
 
 
