@@ -21,6 +21,10 @@ def make_settings(preset: str = "default", **overrides: Any) -> Settings:
     operator is overridden, the preset's strength, l_white, alpha and operator_params, which belong
     to its own operator, do not hold. Raises UsageError for both maxima, for unknown names and for
     values out of bounds.
+
+    >>> from itmo_video import make_settings
+    >>> make_settings("default", peak_nits=812).l_max_effective
+    4.0
     """
     values = load_preset(preset)
     if "operator" in values and overrides.get("operator", values["operator"]) != values["operator"]:

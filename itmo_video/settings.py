@@ -23,7 +23,13 @@ OUTPUT_PRIMARIES = ("rec709", "rec2020", "acescg", "aces2065-1")
 
 @dataclass(frozen=True)
 class Settings:
-    """All that a frame's pixels and its file depend on, beside the source; validated when made."""
+    """All that a frame's pixels and its file depend on, beside the source; validated when made.
+
+    >>> from itmo_video import Settings
+    >>> Settings(key_interval=0)
+    Traceback (most recent call last):
+    itmo_video.errors.UsageError: key-interval must be from 1 to 60, not 0
+    """
 
     operator: str = setting(
         "banterle2006", str, "how luminance is expanded; see `itmo-video operators`", metavar="NAME"

@@ -23,10 +23,10 @@ from itmo_video.delivery import sdr
 from itmo_video.delivery.from_folder import from_folder
 from itmo_video.delivery.hdr import Light
 from itmo_video.errors import InputError
+from itmo_video.html_report.measure import FrameFacts, Measured, film_facts
+from itmo_video.html_report.page import REPORT_NAME
 from itmo_video.output.converted import find_converted, open_converted
 from itmo_video.output.folder import MANIFEST_NAME
-from itmo_video.report.measure import FrameFacts, Measured, film_facts
-from itmo_video.report.page import REPORT_NAME
 
 
 @pytest.fixture(scope="module")

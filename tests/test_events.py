@@ -12,7 +12,7 @@ from command import run
 from itmo_video import analyse, convert
 from itmo_video.delivery.preview import preview
 from itmo_video.events import Event, Finished, FrameDone, Started, Warned, as_json
-from itmo_video.report.page import write_report
+from itmo_video.html_report.page import report
 
 CLIP = Path(__file__).parents[1] / "sample_clips" / "night_street.mp4"
 FLAGS = ("--lights", 64, "--json", "--quiet")
@@ -91,7 +91,7 @@ def test_each_command_tells_the_library_typed_events(tmp_path: Path) -> None:
     assert (told[-1].max_cll or 0) > 100
 
     told.clear()
-    write_report(tmp_path / "out", on_event=told.append)
+    report(tmp_path / "out", on_event=told.append)
     assert [type(event) for event in told] == [Started, FrameDone, FrameDone, FrameDone]
 
     told.clear()

@@ -17,9 +17,9 @@ from itmo_video.delivery import sdr
 from itmo_video.delivery.preview_options import PreviewOptions
 from itmo_video.errors import UsageError
 from itmo_video.evaluation.evaluate_options import EvaluateOptions
+from itmo_video.html_report.report_options import ReportOptions
 from itmo_video.options import flag_of, option, spec_of
 from itmo_video.presets import make_settings
-from itmo_video.report.report_options import ReportOptions
 from itmo_video.settings import Settings
 
 KINDS = {

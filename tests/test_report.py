@@ -19,9 +19,9 @@ from itmo_video import make_settings
 from itmo_video.cli.main import main
 from itmo_video.conversion.convert import RunOptions, convert
 from itmo_video.delivery.preview import PreviewOptions, preview
+from itmo_video.html_report import embed, page, plots
 from itmo_video.output.exr import read_exr
 from itmo_video.output.folder import MANIFEST_NAME
-from itmo_video.report import embed, page, plots
 
 HOSTILE = "<script>alert(1)<∕script>.mkv"  # file names cannot hold a plain slash
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
@@ -84,7 +84,7 @@ def test_a_hostile_manifest_stays_text(folder: Path, tmp_path: Path) -> None:
     manifest = json.loads((copy / MANIFEST_NAME).read_text())
     manifest["source_name"] = "</script><script>alert(1)</script>.mp4"
     (copy / MANIFEST_NAME).write_text(json.dumps(manifest))
-    text = page.write_report(copy).read_text("utf-8")
+    text = page.report(copy).read_text("utf-8")
     assert "<script>alert" not in text, "the name runs"
     assert text.count("</script>") == 2, "the name ends a script"
     assert "&lt;/script&gt;&lt;script&gt;alert(1)" in text
@@ -262,5 +262,5 @@ def test_convert_without_frames_makes_no_report(clip: Path, tmp_path: Path) -> N
 
 def test_a_gap_is_told(clip: Path, tmp_path: Path) -> None:
     convert(clip, tmp_path / "o", make_settings(), RunOptions(frames="1-3,6-7"))
-    text = page.write_report(tmp_path / "o").read_text("utf-8")
+    text = page.report(tmp_path / "o").read_text("utf-8")
     assert "Frames 4-5 are not in the folder" in text

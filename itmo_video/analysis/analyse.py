@@ -99,8 +99,13 @@ def analyse(
     """Decode a clip once and say what is in it; raises InputError and AlreadyHdrError as convert.
 
     Cuts and keyframes are those that a conversion with `settings` finds by itself. A source that
-    breaks off is analysed until there, with a warning. `on_frame` is told the index of each frame
-    that was looked at; what it raises ends the pass.
+    breaks off is analysed until there; `on_event` is told so, and what is assumed (Warned).
+    `on_frame` is told the index of each frame that was looked at; what it raises ends the pass.
+
+    >>> from itmo_video import analyse
+    >>> found = analyse("clip.mkv")
+    >>> [(shot.first, shot.last) for shot in found.shots]
+    [(1, 3)]
     """
     settings = settings or make_settings()
     with open_clip(source, input_options(settings, max_pixels)) as clip:

@@ -23,7 +23,14 @@ from itmo_video.output.atomic import StrPath
 
 
 def read_analysis(path: StrPath) -> Analysis:
-    """Read the file `path`; raises InputError unless it is a whole and consistent analysis."""
+    """Read the file `path`; raises InputError unless it is a whole and consistent analysis.
+
+    >>> from itmo_video import RunOptions, analyse, convert, read_analysis
+    >>> from pathlib import Path
+    >>> _ = Path("shots.json").write_text(analyse("clip.mkv").to_json())
+    >>> convert("clip.mkv", "out", run=RunOptions(analysis=read_analysis("shots.json"))).written
+    3
+    """
     try:
         text = Path(path).read_text("utf-8")
     except (OSError, UnicodeDecodeError) as error:

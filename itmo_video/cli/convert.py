@@ -13,6 +13,7 @@ from itmo_video.cli.run_flags import add_run_options
 from itmo_video.cli.settings_flags import add_settings, settings_of
 from itmo_video.conversion.run_options import RunOptions
 from itmo_video.errors import DamagedInputError, ItmoError, UsageError
+from itmo_video.html_report.report_options import ReportOptions
 from itmo_video.settings import Settings
 
 EXAMPLES = """\
@@ -111,7 +112,7 @@ def _convert_one(
         print(checking.describe_plan(source, output, settings, run))
         return
     if args.report:
-        from itmo_video.report.page import report_gate, require_templates, write_report
+        from itmo_video.html_report.page import report, report_gate, require_templates
 
         if run.null:
             raise UsageError("a report needs the frames", remedy="Leave --null or --report out.")
@@ -121,8 +122,9 @@ def _convert_one(
         from itmo_video.cluster.dask_executor import cluster_executor
 
         executor = cluster_executor(args.scheduler)
+    page = ReportOptions(clip=Path(source), overwrite=run.overwrite)
     if args.report and os.path.isdir(output):
-        report_gate(Path(output), None, source, None, overwrite=run.overwrite).check()
+        report_gate(Path(output), page, None).check()
     progress = Progress(as_json=args.json, quiet=args.quiet)
     damage: DamagedInputError | None = None
     try:
@@ -130,6 +132,6 @@ def _convert_one(
     except DamagedInputError as error:
         damage = error  # what could be made has its page, too
     if args.report and any(Path(output).glob("*.exr")):
-        write_report(output, clip=source, overwrite=run.overwrite)
+        report(output, page)
     if damage is not None:
         raise damage

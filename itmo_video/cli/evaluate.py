@@ -6,7 +6,7 @@ import argparse
 import dataclasses
 import json
 import math
-from pathlib import Path
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 from itmo_video.cli.option_flags import add_options, named_number, options_of
@@ -14,8 +14,7 @@ from itmo_video.errors import CheckFailedError, UsageError
 from itmo_video.evaluation.evaluate_options import EvaluateOptions
 
 if TYPE_CHECKING:
-    from itmo_video.evaluation.agreement import Agreement, Display
-    from itmo_video.output.gate import Gate
+    from itmo_video.evaluation.evaluate import Evaluation
 
 EXAMPLES = """\
 examples:
@@ -53,90 +52,48 @@ def add_evaluate(commands: Any) -> None:
 
 
 def _evaluate(args: argparse.Namespace) -> int:
-    from itmo_video.evaluation import agreement, folders, heat_film, sequence, table
+    from itmo_video.evaluation.evaluate import evaluate
 
     above = [named_number("fail-above", text) for text in args.fail_above]
     below = [named_number("fail-below", text) for text in args.fail_below]
-    options, test = options_of(args, EvaluateOptions), Path(args.test)
-    if options.heat_map:
-        heat_film.check_film(options.heat_map)
-        _heat_gate(test, options).check()
-    source, reference = options.source, options.reference
-    told: dict[str, Any] = {}
-    text: list[str] = []
-    figures: dict[str, float] = {}
-    if options.ibl and reference:
-        from itmo_video.evaluation import probes
-
-        lit = probes.compare_lights(test, reference, source)
-        told["ibl"] = {name: table.lighting_facts(row) for name, row in lit.items()}
-        text.append(table.lighting_table(lit))
-        figures |= told["ibl"][probes.TEST]
-    elif reference:
-        white = options.white_nits or folders.open_sequence(test).settings_or_default.white_nits
-        display = agreement.Display(options.display_peak, white, options.pixels_per_degree)
-        if options.vdp or options.heat_map:
-            from itmo_video.evaluation.vdp import require_vdp
-
-            require_vdp()  # to be told at once, not after the other figures
-        rows = agreement.compare_sequences(test, reference, source, display)
-        if options.vdp or options.heat_map:
-            _add_vdp(test, reference, options, rows, display)
-        told["display"] = dataclasses.asdict(display)
-        told["fidelity"] = {name: table.agreement_facts(row) for name, row in rows.items()}
-        text.append(table.agreement_table(rows))
-        figures |= rows[agreement.TEST].figures
-    if source is not None and not options.ibl:
-        origins = sequence.read_origins(options.motion) if options.motion else None
-        shots = sequence.flicker_by_shot(test, source, origins, options.key_interval)
-        clip = sequence.over_shots(shots)
-        told["shots"] = [{"first": s.first, "last": s.last, **s.figures} for s in shots]
-        told["clip"] = clip
-        text.append(table.flicker_table(shots, clip))
-        figures |= clip
-    print(json.dumps(table.plain(told), indent=1) if args.json else "\n\n".join(text))
-    _judge(figures, above, below)
+    found = evaluate(args.test, options_of(args, EvaluateOptions))
+    print(_as_json(found) if args.json else _as_text(found))
+    _judge(found.figures, above, below)
     return 0
 
 
-def _heat_gate(test: Path, options: EvaluateOptions) -> Gate:
-    from itmo_video.output.folder import read_manifest
-    from itmo_video.output.gate import FILM, Gate
-    from itmo_video.source.opening import input_files
+def _as_json(found: Evaluation) -> str:
+    from itmo_video.evaluation import table
 
-    assert options.heat_map is not None
-    manifest = read_manifest(test)
-    return Gate(
-        options.heat_map,
-        FILM,
-        inputs=input_files(options.source) if options.source else (),
-        overwrite=options.overwrite,
-        source_digest=manifest.source_digest if manifest else None,
-    )
+    told: dict[str, Any] = {}
+    if found.lighting:
+        told["ibl"] = {name: table.lighting_facts(row) for name, row in found.lighting.items()}
+    if found.display is not None:
+        told["display"] = dataclasses.asdict(found.display)
+        told["fidelity"] = {
+            name: table.agreement_facts(row) for name, row in found.fidelity.items()
+        }
+    if found.clip:
+        told["shots"] = [{"first": s.first, "last": s.last, **s.figures} for s in found.shots]
+        told["clip"] = found.clip
+    return json.dumps(table.plain(told), indent=1)
 
 
-def _add_vdp(
-    test: Path,
-    reference: Path,
-    options: EvaluateOptions,
-    rows: dict[str, Agreement],
-    display: Display,
-) -> None:
-    from itmo_video.evaluation import films, heat_film, vdp
-    from itmo_video.evaluation.agreement import TEST
+def _as_text(found: Evaluation) -> str:
+    from itmo_video.evaluation import table
 
-    found = films.films(test, reference, options.source, display)
-    if options.vdp:
-        for name, film in found.items():
-            rows[name].figures["jod"] = vdp.jod(film, display)
-    if options.heat_map:
-        film = found[TEST]
-        gate = _heat_gate(test, options)
-        heat_film.write_film(gate, vdp.heat_map(film, display), film.frame_rate)
+    parts = []
+    if found.lighting:
+        parts.append(table.lighting_table(found.lighting))
+    if found.fidelity:
+        parts.append(table.agreement_table(found.fidelity))
+    if found.clip:
+        parts.append(table.flicker_table(found.shots, found.clip))
+    return "\n\n".join(parts)
 
 
 def _judge(
-    figures: dict[str, float], above: list[tuple[str, float]], below: list[tuple[str, float]]
+    figures: Mapping[str, float], above: list[tuple[str, float]], below: list[tuple[str, float]]
 ) -> None:
     for name, _ in above + below:
         if name not in figures:

@@ -6,7 +6,7 @@ import argparse
 from typing import Any
 
 from itmo_video.cli.option_flags import add_options, options_of
-from itmo_video.report.report_options import ReportOptions
+from itmo_video.html_report.report_options import ReportOptions
 
 
 def add_report(commands: Any) -> None:
@@ -25,12 +25,8 @@ def add_report(commands: Any) -> None:
 
 def _run(args: argparse.Namespace) -> int:
     from itmo_video.cli.progress import Progress
-    from itmo_video.report.page import write_report
+    from itmo_video.html_report.page import report
 
-    options = options_of(args, ReportOptions)
     progress = Progress(as_json=False, quiet=args.quiet)
-    path = write_report(
-        args.folder, options.output, options.clip, progress.on_event, overwrite=options.overwrite
-    )
-    print(path)
+    print(report(args.folder, options_of(args, ReportOptions), progress.on_event))
     return 0

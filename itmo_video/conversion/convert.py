@@ -64,11 +64,17 @@ def convert(
 ) -> Summary:
     """Convert a clip to an EXR sequence OUTPUT/<stem>.%04d.exr; what is there already stays.
 
-    Without `settings` it is by the preset `default`, as on the command line.
-    Raises the errors of itmo_video.errors; DamagedInputError only after all that decodes was
-    written, OutputError for single frames of other settings only after all else was. `on_event` is
-    called with dicts that have "event": started, frame, warning, finished; frames come from worker
-    threads, one at a time. `executor` renders elsewhere than here.
+    Without `settings` it is by the preset `default`, as on the command line. `on_event` is told
+    Started, FrameDone, Warned and Finished (itmo_video.events); frames come from worker threads,
+    one at a time. `executor` renders elsewhere than here. Raises the errors of itmo_video.errors;
+    DamagedInputError only after all that decodes was written, OutputError for single frames of
+    other settings only after all else was.
+
+    >>> from itmo_video import RunOptions, convert, make_settings
+    >>> settings = make_settings("default", peak_nits=600, layers=["expand_map"])
+    >>> summary = convert("clip.mkv", "out", settings, RunOptions(frames="2-3"))
+    >>> summary.written, summary.missing
+    (2, [])
     """
     settings, run = settings or make_settings(), run or RunOptions()
     began = time.monotonic()

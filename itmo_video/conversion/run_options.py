@@ -15,6 +15,10 @@ class RunOptions:
 
     The shots of `analysis` give their frames a peak, a strength, or switch the expansion off.
     Validated when made; raises UsageError.
+
+    >>> from itmo_video import RunOptions
+    >>> RunOptions(frames="1-100", jobs=2).max_pixels
+    134217728
     """
 
     frames: str | None = option(

@@ -71,7 +71,11 @@ def preview(
     A folder is shown as it is and its source is read as it was then: `settings` are for clips.
     Raises the errors of itmo_video.errors, DamagedInputError only after all that decodes was
     written; OutputError before any work where `output` may not be written over (output.gate).
-    `on_event` gets dicts with "event": started, frame, finished.
+    `on_event` is told Started, FrameDone and Finished.
+
+    >>> from itmo_video import PreviewOptions, preview
+    >>> preview("clip.mkv", "frame.jpg", options=PreviewOptions(frame=2)).frames
+    1
     """
     options, run = options or PreviewOptions(), run or RunOptions()
     source, output = Path(source), Path(output)

@@ -20,6 +20,10 @@ class PreviewOptions:
     """How a preview looks and is encoded; `frame` (a number as in file names) asks for a still.
 
     Validated when made; raises UsageError.
+
+    >>> from itmo_video import PreviewOptions
+    >>> PreviewOptions(view="hlg", codec="hevc", crf="high").tone_map
+    'bt2390'
     """
 
     view: View | None = option(

@@ -12,6 +12,7 @@ from itmo_video.errors import InputError
 from itmo_video.evaluation import fidelity
 from itmo_video.evaluation.fidelity import Fidelity, Zone
 from itmo_video.evaluation.folders import frame_rgb, open_sequence, open_source, pair, read_rgb
+from itmo_video.events import FrameDone, OnEvent, ignore
 from itmo_video.model import Float32, Float64, Frame
 from itmo_video.source.opening import frames_at
 
@@ -104,7 +105,11 @@ class Tally:
 
 
 def compare_sequences(
-    test: Path, reference: Path, source: Path | None, display: Display
+    test: Path,
+    reference: Path,
+    source: Path | None,
+    display: Display,
+    on_event: OnEvent = ignore,
 ) -> dict[str, Agreement]:
     """Agreement of a folder with the true one, by row: TEST, and SDR where the clip is given.
 
@@ -119,7 +124,7 @@ def compare_sequences(
         rows[SDR] = Tally()
         clip = open_source(source, sequence.settings_or_default)
         originals = frames_at(clip, [item.index for item in pairs])
-    for item, original in zip(pairs, originals, strict=False):
+    for done, (item, original) in enumerate(zip(pairs, originals, strict=False), 1):
         truth = _shown(read_rgb(item.truth), display, item.truth)
         pictures = {TEST: (read_rgb(item.test), item.test)}
         if original is not None and source is not None:
@@ -130,6 +135,7 @@ def compare_sequences(
             except ValueError as error:
                 raise InputError(str(error), where=str(where)) from error
             rows[name].add(item.number, found)
+        on_event(FrameDone(item.number, done, len(pairs)))
     return {name: tally.agreement() for name, tally in rows.items()}
 
 

@@ -14,6 +14,10 @@ class EvaluateOptions:
     """What an EXR sequence is compared with; at least one of `source` and `reference` is needed.
 
     Validated when made; raises UsageError.
+
+    >>> from itmo_video import EvaluateOptions
+    >>> EvaluateOptions(reference="truth", display_peak=600).display_peak
+    600.0
     """
 
     source: Path | None = option(None, Path, "the SDR clip that it was made from", metavar="CLIP")

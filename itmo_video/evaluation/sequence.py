@@ -22,6 +22,7 @@ from itmo_video.evaluation.folders import (
     open_sequence,
     open_source,
 )
+from itmo_video.events import FrameDone, OnEvent, ignore
 from itmo_video.model import Code, Float32
 from itmo_video.motion.shots import CUT_REACH, Analysed, analyse_frame, place
 from itmo_video.output.exr import read_exr
@@ -56,7 +57,11 @@ class _Seen:
 
 
 def flicker_by_shot(
-    folder: Path, source: Path, origins: Origins | None, key_interval: int | None = None
+    folder: Path,
+    source: Path,
+    origins: Origins | None,
+    key_interval: int | None = None,
+    on_event: OnEvent = ignore,
 ) -> list[Shot]:
     """Flicker figures of each shot of a converted folder; by known origins or estimated flow.
 
@@ -69,12 +74,13 @@ def flicker_by_shot(
     interval = key_interval or sequence.settings_or_default.key_interval
     shots: list[Shot] = []
     running: _Running | None = None
-    for frame in _frames(sequence, source):
+    for done, frame in enumerate(_frames(sequence, source), 1):
         if running is None or frame.starts_shot:
             if running is not None:
                 shots.append(running.shot())
             running = _Running(frame.index, origins, interval)
         running.add(frame)
+        on_event(FrameDone(sequence.first_number + frame.index, done, len(sequence.files)))
     return shots if running is None else [*shots, running.shot()]
 
 

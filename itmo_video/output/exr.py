@@ -138,7 +138,14 @@ def write_exr(
 
 
 def read_exr(path: StrPath) -> ExrImage:
-    """Read all channels of the first part of `path`; raises InputError unless it is whole."""
+    """Read all channels of the first part of `path`; raises InputError unless it is whole.
+
+    >>> from itmo_video import convert, read_exr
+    >>> _ = convert("photo.png", "out")
+    >>> image = read_exr("out/photo.0001.exr")
+    >>> image.channels["G"].dtype, image.size, image.attributes["whiteLuminance"]
+    (dtype('float16'), (96, 64), 203.0)
+    """
     import OpenEXR
 
     data = _read_bytes(path)

@@ -19,11 +19,12 @@ from itmo_video.delivery.from_folder import from_folder
 from itmo_video.delivery.pictures import Picture, Pictures
 from itmo_video.errors import UsageError
 from itmo_video.events import FrameDone, OnEvent, Started, ignore
+from itmo_video.html_report import embed, measure, plots
+from itmo_video.html_report.measure import FilmFacts, Measured
+from itmo_video.html_report.report_options import ReportOptions
 from itmo_video.output.converted import Converted, open_converted, peak_nits_of
 from itmo_video.output.folder import Manifest
 from itmo_video.output.gate import PAGE, Gate
-from itmo_video.report import embed, measure, plots
-from itmo_video.report.measure import FilmFacts, Measured
 from itmo_video.source.facts import clip_facts
 from itmo_video.source.opening import input_files
 
@@ -33,26 +34,26 @@ MAX_PICTURE_CHARACTERS = 13_500_000  # the page with its plots stays below 15 MB
 REPORT_NAME = "report.html"
 
 
-def write_report(
-    folder: str | Path,
-    output: str | Path | None = None,
-    clip: str | Path | None = None,
-    on_event: OnEvent = ignore,
-    *,
-    overwrite: bool = False,
+def report(
+    folder: str | Path, options: ReportOptions | None = None, on_event: OnEvent = ignore
 ) -> Path:
     """Write the page about a converted folder and return its path (FOLDER/report.html).
 
-    With the source `clip` it also compares with what was before. Raises InputError where there is
-    no conversion, UsageError where the extra "report" is missing, and OutputError where `output`
-    may not be written over: a report at FOLDER/report.html may, all else only with `overwrite`.
+    With the source clip it also compares with what was before. Raises InputError where there is no
+    conversion, UsageError where the extra "report" is missing, and OutputError where the output may
+    not be written over: a report at FOLDER/report.html may, all else only with `overwrite`.
+
+    >>> from itmo_video import ReportOptions, convert, report
+    >>> _ = convert("clip.mkv", "out")
+    >>> report("out", ReportOptions(clip="clip.mkv")).name
+    'report.html'
     """
     require_templates()
-    folder = Path(folder)
-    converted = open_converted(folder)
-    gate = report_gate(folder, output, clip, converted.manifest, overwrite=overwrite)
+    folder, options = Path(folder), options or ReportOptions()
+    converted, clip = open_converted(folder), options.clip
+    gate = report_gate(folder, options, converted.manifest)
     gate.check()
-    pictures = from_folder(converted, Path(clip) if clip else None, RunOptions())
+    pictures = from_folder(converted, clip, RunOptions())
     on_event(Started(str(folder), str(gate.path), len(pictures.numbers), 0))
     facts, embedded = _measured(pictures, converted, on_event)
     text = render_page(converted, pictures, facts, embedded, _source_facts(clip, converted))
@@ -60,22 +61,15 @@ def write_report(
     return gate.path
 
 
-def report_gate(
-    folder: Path,
-    output: str | Path | None,
-    clip: str | Path | None,
-    manifest: Manifest | None,
-    *,
-    overwrite: bool = False,
-) -> Gate:
+def report_gate(folder: Path, options: ReportOptions, manifest: Manifest | None) -> Gate:
     """What stands in front of a report's file."""
     return Gate(
-        output if output is not None else folder / REPORT_NAME,
+        options.output if options.output is not None else folder / REPORT_NAME,
         PAGE,
-        inputs=input_files(clip) if clip is not None else (),
-        overwrite=overwrite,
+        inputs=input_files(options.clip) if options.clip is not None else (),
+        overwrite=options.overwrite,
         source_digest=manifest.source_digest if manifest is not None else None,
-        is_ours=output is None,
+        is_ours=options.output is None,
     )
 
 
@@ -283,7 +277,7 @@ def _raw(name: str) -> Any:
     from markupsafe import Markup
 
     return Markup(
-        resources.files("itmo_video.report").joinpath("template", name).read_text("utf-8")
+        resources.files("itmo_video.html_report").joinpath("template", name).read_text("utf-8")
     )
 
 
@@ -301,7 +295,7 @@ def _templates() -> Any:
             remedy="pip install 'itmo_video[report]'",
         ) from error
     return jinja2.Environment(
-        loader=jinja2.PackageLoader("itmo_video.report", "template"),
+        loader=jinja2.PackageLoader("itmo_video.html_report", "template"),
         autoescape=True,
         undefined=jinja2.StrictUndefined,
         trim_blocks=True,

@@ -10,7 +10,14 @@ from itmo_video.options import check_options, option
 
 @dataclass(frozen=True)
 class ReportOptions:
-    """Where a report goes, and the source it compares with. Validated when made (UsageError)."""
+    """Where a report goes, and the source it compares with.
+
+    Validated when made; raises UsageError.
+
+    >>> from itmo_video import ReportOptions
+    >>> ReportOptions(output="page.html").output.name
+    'page.html'
+    """
 
     output: Path | None = option(
         None, Path, "OUTPUT_DIR/report.html unless given", metavar="FILE.html"

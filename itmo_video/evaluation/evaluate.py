@@ -1,0 +1,117 @@
+"""The edge of evaluation: a folder of EXR files measured as its options say, figures by name."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from itmo_video.evaluation import agreement, films, folders, heat_film, sequence, table
+from itmo_video.evaluation.agreement import Agreement, Display
+from itmo_video.evaluation.evaluate_options import EvaluateOptions
+from itmo_video.evaluation.ibl import Lighting
+from itmo_video.evaluation.sequence import Shot
+from itmo_video.events import OnEvent, ignore
+from itmo_video.output.folder import read_manifest
+from itmo_video.output.gate import FILM, Gate
+from itmo_video.source.opening import input_files
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """What was measured; `figures` are the sequence's own, by the names of --fail-above.
+
+    With a reference: `fidelity` by row (the sequence, and the SDR clip as it is) on `display`, or
+    `lighting` by row where panoramas were to light a scene. With the source: flicker by shot and
+    over the `clip`. What was not asked for is empty.
+    """
+
+    figures: Mapping[str, float]
+    display: Display | None = None
+    fidelity: Mapping[str, Agreement] = field(default_factory=dict)
+    lighting: Mapping[str, Lighting] = field(default_factory=dict)
+    shots: Sequence[Shot] = ()
+    clip: Mapping[str, float] = field(default_factory=dict)
+
+
+def evaluate(test: str | Path, options: EvaluateOptions, on_event: OnEvent = ignore) -> Evaluation:
+    """Measure a folder of EXR files: its fidelity to a true one, its flicker along the motion.
+
+    `test` may be one .exr or .hdr file where `options.ibl` is set. `on_event` is told of each frame
+    (FrameDone), once for fidelity and once for flicker. Raises InputError where folders and clip do
+    not fit together, UsageError where an extra is missing, OutputError where a heat map may not be
+    written.
+
+    >>> from itmo_video import EvaluateOptions, convert, evaluate
+    >>> _ = convert("clip.mkv", "out")
+    >>> found = evaluate("out", EvaluateOptions(source="clip.mkv"))
+    >>> 0 <= found.figures["gain_flicker"] < 0.1
+    True
+    """
+    test = Path(test)
+    if options.ibl and options.reference:
+        from itmo_video.evaluation import probes
+
+        lighting = probes.compare_lights(test, options.reference, options.source)
+        return Evaluation(table.lighting_facts(lighting[probes.TEST]), lighting=lighting)
+    gate = _heat_gate(test, options)
+    if gate is not None:
+        heat_film.check_film(gate.path)
+        gate.check()
+    fidelity: dict[str, Agreement] = {}
+    figures: dict[str, float] = {}
+    display, shots, clip = None, list[Shot](), dict[str, float]()
+    if options.reference:
+        display = _display(test, options)
+        fidelity = _fidelity(test, options.reference, options, display, gate, on_event)
+        figures |= fidelity[agreement.TEST].figures
+    if options.source:
+        origins = sequence.read_origins(options.motion) if options.motion else None
+        shots = sequence.flicker_by_shot(
+            test, options.source, origins, options.key_interval, on_event
+        )
+        clip = sequence.over_shots(shots)
+        figures |= clip
+    return Evaluation(figures, display, fidelity, shots=shots, clip=clip)
+
+
+def _display(test: Path, options: EvaluateOptions) -> Display:
+    white = options.white_nits or folders.open_sequence(test).settings_or_default.white_nits
+    return Display(options.display_peak, white, options.pixels_per_degree)
+
+
+def _fidelity(
+    test: Path,
+    reference: Path,
+    options: EvaluateOptions,
+    display: Display,
+    gate: Gate | None,
+    on_event: OnEvent,
+) -> dict[str, Agreement]:
+    if not (options.vdp or gate):
+        return agreement.compare_sequences(test, reference, options.source, display, on_event)
+    from itmo_video.evaluation import vdp
+
+    vdp.require_vdp()  # to be told at once, not after the other figures
+    rows = agreement.compare_sequences(test, reference, options.source, display, on_event)
+    found = films.films(test, reference, options.source, display)
+    if options.vdp:
+        for name, film in found.items():
+            rows[name].figures["jod"] = vdp.jod(film, display)
+    if gate is not None:
+        film = found[agreement.TEST]
+        heat_film.write_film(gate, vdp.heat_map(film, display), film.frame_rate)
+    return rows
+
+
+def _heat_gate(test: Path, options: EvaluateOptions) -> Gate | None:
+    if options.heat_map is None:
+        return None
+    manifest = read_manifest(test)
+    return Gate(
+        options.heat_map,
+        FILM,
+        inputs=input_files(options.source) if options.source else (),
+        overwrite=options.overwrite,
+        source_digest=manifest.source_digest if manifest else None,
+    )
