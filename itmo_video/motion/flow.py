@@ -40,9 +40,22 @@ def flow_px(here: Code, there: Code) -> Float32:
     shape, dis = getattr(_local, "dis", (None, None))
     if shape != here.shape or dis is None:
         dis = cv2.DISOpticalFlow.create(cv2.DISOPTICAL_FLOW_PRESET_FAST)
+        if not bears_quarter_size(*here.shape):
+            dis.setFinestScale(0)
         _local.dis = (here.shape, dis)
     flow = np.asarray(dis.calc(here, there, None), np.float32)
     return steadied(here, there, flow)
+
+
+def bears_quarter_size(height: int, width: int) -> bool:
+    """Whether DIS can end at a quarter of the size, as its preset FAST has it.
+
+    Its coarsest scale is the lesser of log2(longer side / 32), rounded, and log2(shorter side / 8),
+    cut (OpenCV's dis_flow.cpp). Where that is finer than the finest one that is asked for, DIS
+    takes scales by the width alone, which reads outside of low pictures, and keeps them, so that a
+    second call gives another flow than the first.
+    """
+    return min(height, width) >= 32 and max(height, width) >= 91
 
 
 def steadied(here: Code, there: Code, flow: Float32) -> Float32:
