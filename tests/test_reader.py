@@ -21,7 +21,7 @@ from itmo_video.colour.transfer import eotf
 from itmo_video.errors import AlreadyHdrError, DamagedInputError, InputError
 from itmo_video.model import Encoding
 from itmo_video.source import planes, tags
-from itmo_video.source.files import content_digest
+from itmo_video.source.digest import content_digest
 from itmo_video.source.opening import open_clip
 from itmo_video.source.tags import InputOptions
 

@@ -14,7 +14,8 @@ from itmo_video.model import ClipInfo, Code, Encoding, Frame
 from itmo_video.source import pillow_stills, still_colour
 from itmo_video.source.animation_times import Timing
 from itmo_video.source.clip import Clip
-from itmo_video.source.files import check_pixels, content_digest
+from itmo_video.source.digest import content_digest
+from itmo_video.source.files import check_pixels
 from itmo_video.source.planes import upright
 from itmo_video.source.still_formats import StillFormat, stated_size
 from itmo_video.source.still_picture import StillColour, StillPicture

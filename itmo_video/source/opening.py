@@ -9,6 +9,7 @@ from pathlib import Path
 
 from itmo_video.errors import DamagedInputError, InputError
 from itmo_video.model import Frame
+from itmo_video.regular_file import read_regular
 from itmo_video.settings import Settings
 from itmo_video.source import files
 from itmo_video.source.animation import AnimationClip
@@ -42,7 +43,7 @@ def open_clip(path: str | Path, options: InputOptions | None = None) -> Clip:
         kind = kind_of(absolute)
         if kind is None:
             clip = VideoClip(absolute, options)
-        elif (timed := timing(absolute.read_bytes(), kind)) is not None:
+        elif (timed := timing(read_regular(absolute, files.PICTURE_BYTES), kind)) is not None:
             clip = AnimationClip(absolute, kind, timed, options)
         else:
             clip = StillClip(absolute, {0: absolute}, options)

@@ -6,9 +6,10 @@ from dataclasses import replace
 from pathlib import Path
 
 from itmo_video.errors import AlreadyHdrError, DamagedInputError, InputError
+from itmo_video.regular_file import open_regular, read_regular
 from itmo_video.source import avif, lut_profile, oiio_stills, pillow_stills, png_chunks, raw_photos
 from itmo_video.source.damage import DamageError, check_jpeg
-from itmo_video.source.files import check_pixels
+from itmo_video.source.files import PICTURE_BYTES, check_pixels
 from itmo_video.source.gain_map import NOTICE, has_gain_map
 from itmo_video.source.icc import ProfileError
 from itmo_video.source.still_formats import (
@@ -28,7 +29,7 @@ def kind_of(path: Path) -> StillFormat | None:
 
     Raises AlreadyHdrError for images that hold floats, InputError for formats that are not read.
     """
-    with path.open("rb") as file:
+    with open_regular(path) as file:
         head = file.read(HEAD_BYTES)
     if is_float_image(head):
         raise AlreadyHdrError("it is a floating-point image, so it is HDR already", where=str(path))
@@ -55,7 +56,7 @@ def read_still(path: Path, kind: StillFormat, max_pixels: int) -> StillPicture:
     or not read here, AlreadyHdrError for floats.
     """
     where = str(path)
-    data = path.read_bytes()
+    data = read_regular(path, PICTURE_BYTES)
     size = stated_size(data, kind)
     if size is not None:
         check_pixels(*size, max_pixels, where)

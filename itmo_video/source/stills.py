@@ -12,7 +12,8 @@ from itmo_video.errors import DamagedInputError, InputError
 from itmo_video.model import ClipInfo, Frame
 from itmo_video.source import still_colour
 from itmo_video.source.clip import Clip
-from itmo_video.source.files import check_file, content_digest
+from itmo_video.source.digest import SourceFiles
+from itmo_video.source.files import PICTURE_BYTES, check_file
 from itmo_video.source.planes import upright
 from itmo_video.source.still_picture import StillPicture
 from itmo_video.source.still_reading import kind_of, read_still
@@ -37,6 +38,7 @@ class StillClip(Clip):
     def __init__(self, path: Path, files: dict[int, Path], options: InputOptions) -> None:
         self._path, self._files, self._options = path, dict(sorted(files.items())), options
         self.faults: dict[int, str] = {}
+        self._source = SourceFiles(self._files.values(), PICTURE_BYTES)
         self._first = min(files)
         self._is_single = list(files.values()) == [path]
         found = next(filter(None, (self._read(n, file) for n, file in self._files.items())), None)
@@ -77,7 +79,7 @@ class StillClip(Clip):
             field_order="progressive",
             timecode=None,
             encoding=frame.encoding,
-            digest=content_digest(list(self._files.values())),
+            digest=self._source.digest(),
             first_number=None if self._is_single else self._first,
             notices=tuple(notices),
         )
@@ -87,7 +89,9 @@ class StillClip(Clip):
         for number, file in self._files.items():
             if number - self._first < start:
                 continue
+            self._source.check(file)
             found = self._read(number, file)
+            self._source.check(file)  # what was read is what was hashed
             if found is None:
                 continue
             frame = found[0]

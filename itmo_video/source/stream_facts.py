@@ -17,7 +17,8 @@ from itmo_video.source.container_facts import track_of
 from itmo_video.source.cropping import Crop, cropped, cropped_size, usable
 from itmo_video.source.decoding import Decoder, Numbered
 from itmo_video.source.deinterlace import can_deinterlace
-from itmo_video.source.files import check_pixels, content_digest
+from itmo_video.source.digest import SourceFiles
+from itmo_video.source.files import check_pixels
 from itmo_video.source.frame_timing import packet_notices, timing, timing_notices
 from itmo_video.source.packets import Packets, open_video, scan_packets
 from itmo_video.source.planes import Turn, picture_of, pixel_form, upright
@@ -52,8 +53,12 @@ class StreamFacts:
     info: ClipInfo
 
 
-def find_facts(path: Path, options: InputOptions) -> tuple[StreamFacts, Iterator[Numbered] | None]:
+def find_facts(
+    path: Path, options: InputOptions, source: SourceFiles
+) -> tuple[StreamFacts, Iterator[Numbered] | None]:
     """The facts of a video file, and a reader that stands at its first frame, where there is one.
+
+    `source` is that file as it was before anything of it was read.
 
     Raises InputError where no frame can be decoded, AlreadyHdrError by its tags, and av's errors.
     """
@@ -66,7 +71,7 @@ def find_facts(path: Path, options: InputOptions) -> tuple[StreamFacts, Iterator
         if decoder.packets.is_exact and (order != "progressive" or container_name == "avi"):
             decoder = _as_countable(decoder)
         decoder, first, begun = _first_frame(decoder, container_name in _CAPTURES)
-        return facts_at(container, stream, decoder, first, options, content_digest([path])), begun
+        return facts_at(container, stream, decoder, first, options, source.digest()), begun
 
 
 def facts_at(

@@ -14,6 +14,7 @@ from itmo_video.errors import DamagedInputError, InputError
 from itmo_video.model import Frame
 from itmo_video.source.clip import Clip
 from itmo_video.source.deinterlace import LEAD_IN, deinterlaced
+from itmo_video.source.digest import SourceFiles
 from itmo_video.source.planes import pixel_form, read_picture
 from itmo_video.source.stream_facts import find_facts, shown_planes
 from itmo_video.source.tags import InputOptions
@@ -23,8 +24,9 @@ class VideoClip(Clip):
     """A video file."""
 
     def __init__(self, path: Path, options: InputOptions) -> None:
+        self._path, self._source = path, SourceFiles([path])
         try:
-            self._facts, begun = find_facts(path, options)
+            self._facts, begun = find_facts(path, options, self._source)
         except av.FFmpegError as error:
             raise InputError(f"cannot be read ({error.strerror})", where=str(path)) from error
         self.info = self._facts.info
@@ -44,6 +46,7 @@ class VideoClip(Clip):
             pictures = deinterlaced(pictures, facts.is_forced, facts.time_base, self._is_same)
         for index, decoded, is_damaged in pictures:
             if index >= start:
+                self._source.check(self._path)  # else another film's frames bear this one's name
                 self._check_same(index, decoded)
                 yield self._frame(index, decoded, is_damaged)
 
