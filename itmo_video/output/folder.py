@@ -31,7 +31,7 @@ from itmo_video.output.atomic import (
 from itmo_video.output.exr import read_exr
 
 MANIFEST_NAME = "itmo-video.json"
-MANIFEST_FORMAT = 1
+MANIFEST_FORMAT = 2
 
 FrameState = Literal["missing", "whole", "damaged", "other"]
 
