@@ -52,7 +52,7 @@ def verify(
     with open_clip(source, input_options(settings, run.max_pixels)) as clip:
         plan = make_plan(clip, make_look(settings), run)
     folder = OutputFolder(output, plan.clip.stem)
-    return folder.verify({n: plan.fingerprint(n) for n in plan.numbers}, plan.jobs)
+    return folder.verify({n: plan.fingerprint(n) for n in plan.numbers}, plan.jobs, plan.form)
 
 
 def require_sound(faults: list[tuple[Path, str]]) -> None:

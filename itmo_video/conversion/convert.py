@@ -115,7 +115,7 @@ def frames_to_make(
     """
     if run.overwrite:
         return dict(plan.numbers), []
-    states = folder.states({n: plan.fingerprint(n) for n in plan.numbers}, plan.jobs)
+    states = folder.states({n: plan.fingerprint(n) for n in plan.numbers}, plan.jobs, plan.form)
     others = [] if run.update else [n for n, state in states.items() if state == "other"]
     done = {n for n, state in states.items() if state == "whole"} | set(others)
     return {n: i for n, i in plan.numbers.items() if n not in done}, others

@@ -20,6 +20,7 @@ from itmo_video.model import ClipInfo
 from itmo_video.operators import version_of
 from itmo_video.output import disk_space
 from itmo_video.output.folder import Manifest
+from itmo_video.output.frame_form import FrameForm
 from itmo_video.rendering import spans
 from itmo_video.settings import Settings
 from itmo_video.source.opening import Clip
@@ -67,6 +68,15 @@ class Plan:
         return hashlib.blake2b(
             f"{self._settings_texts[id(self.look_at(index))]}{index}".encode(), digest_size=16
         ).hexdigest()
+
+    def form(self, number: int) -> FrameForm:
+        """What a frame's file looks like beside its pixels."""
+        settings = self.look_at(self.numbers[number]).settings
+        alpha = "A" if self.clip.encoding.has_alpha else ""
+        layers = (f"{name}.Y" for name in settings.layers)
+        return FrameForm(
+            self.clip.display_size, frozenset((*"RGB", *alpha, *layers)), settings.compression
+        )
 
     @property
     def manifest(self) -> Manifest:

@@ -14,7 +14,6 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from fractions import Fraction
-from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
@@ -26,7 +25,9 @@ from itmo_video.errors import InputError
 from itmo_video.model import Float32, Half
 from itmo_video.output.atomic import StrPath, write_parts, write_whole
 from itmo_video.output.exr_chunks import DamageError, check_chunks, with_window
+from itmo_video.output.exr_claims import MOST_PIXEL_BYTES, check_claims
 from itmo_video.output.exr_scanlines import BLOCK_LINES, scanline_file
+from itmo_video.regular_file import read_regular
 
 Chromaticities = tuple[float, float, float, float, float, float, float, float]
 
@@ -46,6 +47,7 @@ _CONSTANTS = {
 AP0: Chromaticities = (0.7347, 0.2653, 0.0, 1.0, 0.0001, -0.077, 0.32168, 0.33767)
 
 _PIXEL_KINDS = (np.uint32, np.float16, np.float32)  # by OpenEXR's PixelType
+_MOST_FILE_BYTES = 2 * MOST_PIXEL_BYTES  # of a whole file, packed worse than not at all
 _NO_LAYERS: Mapping[str, Half | Float32] = MappingProxyType({})
 
 
@@ -148,19 +150,21 @@ def read_exr(path: StrPath) -> ExrImage:
     """
     import OpenEXR
 
-    data = _read_bytes(path)
+    data = read_regular(path, _MOST_FILE_BYTES)
     try:
+        check_claims(data)
         check_chunks(data)
         file = OpenEXR.File(io.BytesIO(data), header_only=True)
         channels = _pixels(OpenEXR.InputFile(io.BytesIO(data)))
-    except (DamageError, RuntimeError, ValueError, OSError, MemoryError) as error:
+        attributes = dict(file.header())
+    except Exception as error:  # whatever its bindings make of a header, from TypeError on
         reason = str(error) if isinstance(error, DamageError) else "its pixels do not decode"
         raise InputError(
             f"not a whole EXR file: {reason}",
             where=os.fspath(path),
             remedy="Make or copy the file again.",
         ) from error
-    return ExrImage(channels, dict(file.header()))
+    return ExrImage(channels, attributes)
 
 
 def is_whole(path: StrPath) -> bool:
@@ -192,14 +196,21 @@ def _checked_channels(
     return channels
 
 
+def compression_constant(name: str) -> Any:
+    """OpenEXR's constant for a compression of ours; raises ValueError for an unknown name."""
+    import OpenEXR
+
+    if name not in _CONSTANTS:
+        raise ValueError(f"unknown compression {name!r}")
+    return getattr(OpenEXR, _CONSTANTS[name])
+
+
 def _attributes(header: ExrHeader) -> dict[str, Any]:
     import OpenEXR
 
-    if header.compression not in _CONSTANTS:
-        raise ValueError(f"unknown compression {header.compression!r}")
     attributes: dict[str, Any] = {
         "type": OpenEXR.scanlineimage,
-        "compression": getattr(OpenEXR, _CONSTANTS[header.compression]),
+        "compression": compression_constant(header.compression),
         "chromaticities": tuple(float(value) for value in header.chromaticities),
         "whiteLuminance": float(header.white_nits),
         "pixelAspectRatio": float(header.pixel_aspect),
@@ -246,17 +257,6 @@ def _timecode(text: str | None) -> Any:
         return OpenEXR.TimeCode(*fields, *[0] * 13)
     except RuntimeError:
         return None
-
-
-def _read_bytes(path: StrPath) -> bytes:
-    try:
-        return Path(path).read_bytes()
-    except OSError as error:
-        raise InputError(
-            f"cannot be read: {error.strerror}",
-            where=os.fspath(path),
-            remedy="Check the name and the right to read it.",
-        ) from error
 
 
 def _pixels(file: Any) -> dict[str, npt.NDArray[Any]]:

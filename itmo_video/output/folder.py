@@ -12,7 +12,7 @@ import json
 import os
 import re
 import shutil
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import asdict, dataclass, fields
@@ -29,11 +29,14 @@ from itmo_video.output.atomic import (
     write_whole,
 )
 from itmo_video.output.exr import read_exr
+from itmo_video.output.frame_form import FrameForm
 
 MANIFEST_NAME = "itmo-video.json"
 MANIFEST_FORMAT = 2
 
 FrameState = Literal["missing", "whole", "damaged", "other"]
+
+Forms = Callable[[int], FrameForm | None]  # of frames by number
 
 _PROBLEMS: dict[FrameState, str] = {
     "missing": "missing",
@@ -194,33 +197,40 @@ class OutputFolder:
             )
         return "replace" if changed else "join"  # a source that was only renamed is the same
 
-    def state(self, number: int, fingerprint: str) -> FrameState:
+    def state(self, number: int, fingerprint: str, form: FrameForm | None = None) -> FrameState:
         """Tell what is there of a frame: it counts as whole only if all its channels can be read.
 
-        A whole file with another `fingerprint`, or none, is "other".
+        A whole file with another `fingerprint`, or none, is "other". One with the fingerprint whose
+        windows, channels or compression are not of the `form` was tampered with: "damaged".
         """
         path = self.frame_path(number)
-        if not os.path.exists(path):
+        if not os.path.lexists(path):
             return "missing"
         try:
             image = read_exr(path)
         except InputError:
             # Removed or being renamed meanwhile is not damage.
-            return "damaged" if os.path.exists(path) else "missing"
-        return "whole" if image.fingerprint == fingerprint else "other"
+            return "damaged" if os.path.lexists(path) else "missing"
+        if image.fingerprint != fingerprint:
+            return "other"
+        return "whole" if form is None or form.is_of(image) else "damaged"
 
-    def states(self, fingerprints: Mapping[int, str], jobs: int = 1) -> dict[int, FrameState]:
+    def states(
+        self, fingerprints: Mapping[int, str], jobs: int = 1, forms: Forms = lambda number: None
+    ) -> dict[int, FrameState]:
         """Tell the `state` of each frame, looking at `jobs` of them at a time."""
         states: dict[int, FrameState] = {}
         numbers = iter(sorted(fingerprints))
         with ThreadPoolExecutor(jobs, thread_name_prefix="look") as pool:
             # In batches: a film has more frames than should wait in a pool, and Ctrl-C must work.
             while batch := list(islice(numbers, 16 * jobs)):
-                found = pool.map(lambda n: self.state(n, fingerprints[n]), batch)
+                found = pool.map(lambda n: self.state(n, fingerprints[n], forms(n)), batch)
                 states.update(zip(batch, found, strict=True))
         return states
 
-    def verify(self, fingerprints: Mapping[int, str], jobs: int = 1) -> list[tuple[Path, str]]:
+    def verify(
+        self, fingerprints: Mapping[int, str], jobs: int = 1, forms: Forms = lambda number: None
+    ) -> list[tuple[Path, str]]:
         """Check frames by number against their fingerprints; return (path, problem) for each fault.
 
         The manifest is checked too. An empty list means that all is as it should be.
@@ -231,7 +241,7 @@ class OutputFolder:
                 faults.append((self.manifest_path, "missing"))
         except InputError as error:
             faults.append((self.manifest_path, error.what))
-        for number, state in self.states(fingerprints, jobs).items():
+        for number, state in self.states(fingerprints, jobs, forms).items():
             if state != "whole":
                 faults.append((self.frame_path(number), _PROBLEMS[state]))
         return faults

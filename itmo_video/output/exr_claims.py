@@ -1,0 +1,66 @@
+"""What an EXR's header claims, checked before memory is taken for it."""
+
+from __future__ import annotations
+
+import struct
+
+from itmo_video.output.exr_chunks import DamageError, parse_header
+
+MOST_PIXEL_BYTES = 5 << 28  # 2**27 pixels of RGBA in half floats, and a quarter more
+_MOST_TILE_BYTES = 1 << 28
+_MOST_CHANNELS = 256
+_SAMPLE_BYTES = (4, 2, 4)  # by type: unsigned, half, float
+
+
+def check_claims(data: bytes) -> None:
+    """Raise DamageError for a header that cannot be meant, or whose pixels take too much memory.
+
+    Of files of several parts the first one is looked at, which alone is read.
+    """
+    attributes, _ = parse_header(data)
+    for name in ("dataWindow", "displayWindow"):
+        if name not in attributes:
+            raise DamageError("its header is incomplete")
+    width, height = _window(attributes["dataWindow"][1])
+    _window(attributes["displayWindow"][1])
+    pixel_bytes = _pixel_bytes(attributes)
+    if (tiles := attributes.get("tiles", ("", b""))[1]) and (
+        len(tiles) != 9
+        or not 0 < pixel_bytes * int.from_bytes(tiles[:4], "little")
+        * int.from_bytes(tiles[4:8], "little") <= _MOST_TILE_BYTES
+    ):  # fmt: skip
+        raise DamageError("it claims tiles of a size that cannot be meant")
+    if (needed := width * height * pixel_bytes) > MOST_PIXEL_BYTES:
+        raise DamageError(
+            f"it claims {width}x{height} pixels, which take {needed / 2**30:.1f} GB"
+            f" (limit {MOST_PIXEL_BYTES / 2**30:g} GB)"
+        )
+    for name, (kind, value) in attributes.items():
+        if kind == "rational" and (len(value) != 8 or value[4:] == b"\0\0\0\0"):
+            raise DamageError(f"its {name} is no number")
+
+
+def _window(value: bytes) -> tuple[int, int]:
+    if len(value) != 16:
+        raise DamageError("its header is incomplete")
+    left, top, right, bottom = struct.unpack("<4i", value)
+    if right < left or bottom < top:
+        raise DamageError("it claims a picture of no size")
+    return right - left + 1, bottom - top + 1
+
+
+def _pixel_bytes(attributes: dict[str, tuple[str, bytes]]) -> int:
+    """The bytes of a pixel over all channels; subsampled ones count as whole."""
+    _, value = attributes.get("channels", ("", b""))
+    position = total = count = 0
+    try:
+        while value[position] != 0:
+            position = value.index(0, position) + 1
+            (kind,) = struct.unpack_from("<i", value, position)
+            total += _SAMPLE_BYTES[kind] if 0 <= kind < len(_SAMPLE_BYTES) else 4
+            position, count = position + 16, count + 1
+    except (IndexError, ValueError, struct.error) as error:
+        raise DamageError("its list of channels is damaged") from error
+    if not 1 <= count <= _MOST_CHANNELS:
+        raise DamageError(f"it has {count} channels")
+    return total
