@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import shutil
 from pathlib import Path
-from typing import Any
 
 import cv2
 import pytest
@@ -13,6 +12,7 @@ from clips import exr_bytes, moving_scene, write_ffv1
 
 from itmo_video import DamagedInputError, RunOptions, convert, make_settings, open_clip
 from itmo_video.cli.main import main
+from itmo_video.events import FrameDone
 from itmo_video.source import digest, remembered
 from itmo_video.source.digest import SourceFiles, content_digest, file_digest
 
@@ -119,9 +119,9 @@ def test_a_film_replaced_in_mid_run_leaves_no_frame_of_the_other(how: str, tmp_p
     whole = exr_bytes(tmp_path / "whole")
     done = False
 
-    def on_event(event: Any) -> None:
+    def on_event(event: object) -> None:
         nonlocal done
-        if event["event"] == "frame" and not done:
+        if isinstance(event, FrameDone) and not done:
             done = True
             if how == "renamed over":
                 os.replace(other, clip)
