@@ -114,7 +114,6 @@ def test_the_small_commands_tell(clip: Path, capsys: pytest.CaptureFixture[str])
     for command in ("presets", "operators"):
         assert main([command]) == 0
         assert "banterle2006" in capsys.readouterr().out
-    assert main(["--version"]) == 0
     assert main([]) == 0
 
 

@@ -136,7 +136,7 @@ def test_what_repeats_is_left_to_matches(tmp_path, monkeypatch, compression):
 
 def test_another_version_of_the_library_is_not_used(monkeypatch):
     monkeypatch.setattr(library, "_VERSION", -1)
-    assert library.library.__wrapped__() is None
+    assert library._found.__wrapped__()[0] is None
 
 
 # ---- maps and luminance (test_colour.py holds linear light against the equations) ----

@@ -72,7 +72,11 @@ def _on_sigterm(signum: int, frame: FrameType | None) -> None:
 
 def _parser() -> argparse.ArgumentParser:
     parser = _Parser(prog="itmo-video", description="Turn SDR video into HDR.")
-    parser.add_argument("--version", action="store_true", help="print the version")
+    parser.add_argument(
+        "--version",
+        action="store_true",
+        help="show versions, and whether the compiled kernels run",
+    )
     parser.set_defaults(run=_no_command(parser))
     commands = parser.add_subparsers(metavar="COMMAND", parser_class=_Parser)
 
@@ -89,9 +93,9 @@ def _parser() -> argparse.ArgumentParser:
 def _no_command(parser: argparse.ArgumentParser) -> Any:
     def run(args: argparse.Namespace) -> int:
         if args.version:
-            from importlib.metadata import version
+            from itmo_video.cli.versions import versions
 
-            print(f"itmo-video {version('itmo_video')}")
+            print("\n".join(versions()))
             return 0
         parser.print_help()
         return 0

@@ -26,19 +26,31 @@ _ARGUMENTS = {
 }
 
 
-@functools.lru_cache(maxsize=1)
 def library() -> ctypes.CDLL | None:
     """The compiled library; None where none was built, or one of another version."""
+    return _found()[0]
+
+
+def state() -> str:
+    """Whether the compiled kernels run and, where they do not, why, in a few words."""
+    return _found()[1]
+
+
+@functools.lru_cache(maxsize=1)
+def _found() -> tuple[ctypes.CDLL | None, str]:
     path = Path(__file__).with_name("_native.so")
-    if sys.byteorder != "little" or not path.exists():
-        return None
+    if sys.byteorder != "little":
+        return None, "not running: they are for little-endian machines"
+    if not path.exists():
+        return None, f"not running: {path} was not built (install again with a C compiler)"
     try:
         loaded = ctypes.CDLL(str(path))
-        if loaded.itmo_version() != _VERSION:
-            return None
-    except (OSError, AttributeError):  # another system's, or an old one
-        return None
+        version = loaded.itmo_version()
+    except (OSError, AttributeError) as error:  # another system's, or an old one
+        return None, f"not running: {error}"
+    if version != _VERSION:
+        return None, f"not running: {path} is of another version (install again)"
     for name, letters in _ARGUMENTS.items():
         function = getattr(loaded, f"itmo_{name}")
         function.argtypes, function.restype = [_TYPES[letter] for letter in letters], None
-    return loaded
+    return loaded, "running"

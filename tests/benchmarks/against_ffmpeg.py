@@ -30,6 +30,7 @@ from pathlib import Path
 import av
 import cv2
 import numpy as np
+from kernels_run import add_plain, require_kernels
 
 SPAWN = multiprocessing.get_context("spawn")
 REPOSITORY = Path(__file__).resolve().parents[2]
@@ -141,7 +142,9 @@ def main() -> None:
     parser.add_argument("--frames", type=int, default=144)
     parser.add_argument("--only", default="")
     parser.add_argument("--work", type=Path)
+    add_plain(parser)
     args = parser.parse_args()
+    kernels = require_kernels(args.plain, TOOL)
     work = args.work.resolve() if args.work else Path(tempfile.mkdtemp(prefix="itmo-bench-"))
     work.mkdir(exist_ok=True)
     n, out = args.frames, work / "out"
@@ -186,7 +189,7 @@ def main() -> None:
     asked = shlex.join(["python", "tests/benchmarks/against_ffmpeg.py", *sys.argv[1:]])
     print(f"`{asked}`")
     print(f"({args.rounds} rounds of {n} frames, half as many of 2160p; medians)\n")
-    print(f"{machine()}\n")
+    print(f"{machine()}; {kernels}\n")
     print("| run | fps | CPU ms/frame | peak MB | MB/frame | speed | goal |")
     print("| --- | ---: | ---: | ---: | ---: | --- | --- |")
     for name, (_command, frames, _cores, against) in rows.items():

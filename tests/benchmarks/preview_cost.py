@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from against_ffmpeg import make_clip
+from kernels_run import add_plain, require_kernels
 
 from itmo_video import RunOptions, make_settings
 from itmo_video.delivery import encode
@@ -80,7 +81,9 @@ def main() -> None:
     parser.add_argument("--codec", default="av1")
     parser.add_argument("--speeds", default="5,6,8")
     parser.add_argument("--memory", action="store_true", help="the peak, too")
+    add_plain(parser)
     args = parser.parse_args()
+    require_kernels(args.plain)
     with tempfile.TemporaryDirectory(prefix="itmo-preview-") as scratch:
         out = Path(scratch)
         clip = args.clip or make_clip(out / "made.mp4", 1920, 1080, args.frames, "yuv420p")

@@ -1,4 +1,4 @@
-"""CPU time of a clip in ranges against the whole: python range_cpu.py CLIP FRAMES LENGTH.
+"""CPU time of a clip in ranges against the whole: python range_cpu.py CLIP FRAMES LENGTH [--plain].
 
 Prints seconds of user and system time, children included, and whether all bytes agree. Needs room
 for two conversions.
@@ -11,6 +11,8 @@ import subprocess
 import sys
 import tempfile
 from pathlib import Path
+
+from kernels_run import require_kernels
 
 REPOSITORY = Path(__file__).resolve().parents[2]
 
@@ -41,4 +43,5 @@ def main(clip: Path, frames: int, length: int) -> None:
 
 
 if __name__ == "__main__":
+    require_kernels("--plain" in sys.argv)
     main(Path(sys.argv[1]).resolve(), int(sys.argv[2]), int(sys.argv[3]))

@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import Any
 
 from against_ffmpeg import make_clip
+from kernels_run import add_plain, require_kernels
 
 from itmo_video import RunOptions, convert, make_settings
 from itmo_video.motion import flow, keyframes
@@ -85,7 +86,9 @@ def main() -> None:
     parser.add_argument("clip", type=Path, nargs="?")
     parser.add_argument("--frames", type=int, default=60)
     parser.add_argument("--rounds", type=int, default=3)
+    add_plain(parser)
     args = parser.parse_args()
+    require_kernels(args.plain)
     with tempfile.TemporaryDirectory(prefix="itmo-temporal-") as scratch:
         clip = args.clip or make_clip(
             Path(scratch) / "made.mp4", 1920, 1080, args.frames, "yuv420p"
