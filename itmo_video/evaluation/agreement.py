@@ -110,14 +110,16 @@ def compare_sequences(
     source: Path | None,
     display: Display,
     on_event: OnEvent = ignore,
+    part: str | None = None,
 ) -> dict[str, Agreement]:
     """Agreement of a folder with the true one, by row: TEST, and SDR where the clip is given.
 
-    Frames are matched by the index of their source frame (folders.pair). Raises InputError where
+    Frames are matched by the index of their source frame (folders.pair); of a reference with
+    several parts `part` is read, by default the first with R, G and B. Raises InputError where
     the folders or the clip do not fit together.
     """
     sequence = open_sequence(test)
-    pairs = pair(sequence, open_sequence(reference))
+    pairs = pair(sequence, open_sequence(reference), part)
     originals: Iterable[Frame | None] = repeat(None)
     rows = {TEST: Tally()}
     if source is not None:
@@ -125,7 +127,7 @@ def compare_sequences(
         clip = open_source(source, sequence.settings_or_default)
         originals = frames_at(clip, [item.index for item in pairs])
     for done, (item, original) in enumerate(zip(pairs, originals, strict=False), 1):
-        truth = _shown(read_rgb(item.truth), display, item.truth)
+        truth = _shown(item.true_rgb(), display, item.truth)
         pictures = {TEST: (read_rgb(item.test), item.test)}
         if original is not None and source is not None:
             pictures[SDR] = (frame_rgb(original), source)

@@ -89,12 +89,16 @@ def _fidelity(
     on_event: OnEvent,
 ) -> dict[str, Agreement]:
     if not (options.vdp or gate):
-        return agreement.compare_sequences(test, reference, options.source, display, on_event)
+        return agreement.compare_sequences(
+            test, reference, options.source, display, on_event, options.part
+        )
     from itmo_video.evaluation import vdp
 
     vdp.require_vdp()  # to be told at once, not after the other figures
-    rows = agreement.compare_sequences(test, reference, options.source, display, on_event)
-    found = films.films(test, reference, options.source, display)
+    rows = agreement.compare_sequences(
+        test, reference, options.source, display, on_event, options.part
+    )
+    found = films.films(test, reference, options.source, display, options.part)
     if options.vdp:
         for name, film in found.items():
             rows[name].figures["jod"] = vdp.jod(film, display)

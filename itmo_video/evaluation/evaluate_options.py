@@ -25,6 +25,10 @@ class EvaluateOptions:
         None, Path, "known motion, as pan_clip.py writes it", metavar="FILE"
     )
     reference: Path | None = option(None, Path, "a folder of true EXR files", metavar="TRUTH")
+    part: str | None = option(
+        None, str, "the part of TRUTH's multi-part files, by name or number (default: the first "
+        "with R, G and B)", metavar="PART",
+    )  # fmt: skip
     key_interval: int | None = option(
         None, int, "of key_to_key (default: the folder's own, 5)", lower=1, metavar="N"
     )

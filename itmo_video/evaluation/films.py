@@ -21,16 +21,22 @@ from itmo_video.model import Float32
 from itmo_video.source.opening import Clip, frames_at
 
 
-def films(test: Path, reference: Path, source: Path | None, display: Display) -> dict[str, Film]:
+def films(
+    test: Path,
+    reference: Path,
+    source: Path | None,
+    display: Display,
+    part: str | None = None,
+) -> dict[str, Film]:
     """A folder beside its truth by row: TEST, and SDR where the clip is given.
 
     Frames are matched as `compare_sequences` does. Where frames are left out evenly, the rate is
     that of the frames there are. Raises InputError where folders or clip do not fit together.
     """
     sequence = open_sequence(test)
-    pairs = pair(sequence, open_sequence(reference))
+    pairs = pair(sequence, open_sequence(reference), part)
     clip = None if source is None else open_source(source, sequence.settings_or_default)
-    height, width = read_rgb(pairs[0].truth).shape[:2]
+    height, width = pairs[0].true_rgb().shape[:2]
     steps = [b.index - a.index for a, b in pairwise(pairs)]
     rate = Fraction(frame_rate(sequence, clip), min(steps, default=1))
 
@@ -51,4 +57,4 @@ def _original(clip: Clip, pairs: list[Pair], display: Display) -> Pictures:
 
 
 def _truth(item: Pair, display: Display) -> Float32:
-    return on_display(read_rgb(item.truth), display)
+    return on_display(item.true_rgb(), display)

@@ -53,12 +53,20 @@ class ExrSequence:
 
 @dataclass(frozen=True)
 class Pair:
-    """A file, its truth, the index of their source frame, and the number in the file's name."""
+    """A file, its truth, the index of their source frame, and the number in the file's name.
+
+    `part` is the part of the truth's file that is meant, None for the first picture in it.
+    """
 
     index: int
     number: int
     test: Path
     truth: Path
+    part: str | None = None
+
+    def true_rgb(self) -> Float32:
+        """The truth's picture."""
+        return read_rgb(self.truth, self.part)
 
 
 def open_sequence(folder: Path) -> ExrSequence:
@@ -86,7 +94,7 @@ def _numbered(paths: Sequence[Path]) -> dict[int, Path]:
     return dict(sorted(zip(found, paths, strict=True)))
 
 
-def pair(test: ExrSequence, truth: ExrSequence) -> list[Pair]:
+def pair(test: ExrSequence, truth: ExrSequence, part: str | None = None) -> list[Pair]:
     """Each file of `test` with its truth, by the index of the source frame.
 
     Where the truth has no manifest and the very same numbers, or neither has one and the truth has
@@ -97,14 +105,14 @@ def pair(test: ExrSequence, truth: ExrSequence) -> list[Pair]:
     is_part = truth.settings is None and test.settings is None and numbers <= true_numbers
     if is_same or is_part:
         start = (test if test.settings is not None else truth).first_number
-        return [Pair(n - start, n, test.files[n], truth.files[n]) for n in sorted(numbers)]
+        return [Pair(n - start, n, test.files[n], truth.files[n], part) for n in sorted(numbers)]
     truths = truth.by_index
     if missing := [n for n in sorted(numbers) if n - test.first_number not in truths]:
         raise InputError(
             f"frames {format_ranges(missing)} are not in the reference", where=str(test.path)
         )
     start = test.first_number
-    return [Pair(n - start, n, test.files[n], truths[n - start]) for n in sorted(numbers)]
+    return [Pair(n - start, n, test.files[n], truths[n - start], part) for n in sorted(numbers)]
 
 
 def open_source(source: Path, settings: Settings) -> Clip:
@@ -123,13 +131,13 @@ def exr_rgb(image: ExrImage, where: Path) -> Float32:
     """The picture of an EXR file; raises InputError where R, G or B is missing."""
     if missing := [name for name in "RGB" if name not in image.channels]:
         raise InputError(f"it has no channel {', '.join(missing)}", where=str(where))
-    planes = [image.channels[name].astype(np.float32) for name in "RGB"]
+    planes = [image.shown(name).astype(np.float32) for name in "RGB"]
     return _to_bt709(np.dstack(planes), image.primaries)
 
 
-def read_rgb(path: Path) -> Float32:
-    """`exr_rgb` of a file; raises InputError unless it is whole."""
-    return exr_rgb(read_exr(path), path)
+def read_rgb(path: Path, part: str | None = None) -> Float32:
+    """`exr_rgb` of a file, or of a part of it; raises InputError unless it is whole."""
+    return exr_rgb(read_exr(path, part), path)
 
 
 def frame_rate(test: ExrSequence, clip: Clip | None) -> Fraction:

@@ -27,6 +27,7 @@ from itmo_video.output.atomic import StrPath, write_parts, write_whole
 from itmo_video.output.exr_chunks import DamageError, check_chunks, with_window
 from itmo_video.output.exr_claims import MOST_PIXEL_BYTES, check_claims
 from itmo_video.output.exr_scanlines import BLOCK_LINES, scanline_file
+from itmo_video.output.exr_windows import in_display_window, is_multi_part, part_index
 from itmo_video.regular_file import read_regular
 
 Chromaticities = tuple[float, float, float, float, float, float, float, float]
@@ -90,6 +91,10 @@ class ExrImage:
         (left, top), (right, bottom) = self.attributes["dataWindow"]
         return int(right) - int(left) + 1, int(bottom) - int(top) + 1
 
+    def shown(self, name: str) -> npt.NDArray[Any]:
+        """A channel placed in the display window, 0 where the data window does not reach."""
+        return in_display_window(self.channels[name], self.attributes)
+
     @property
     def primaries(self) -> str:
         """The name in colour.CHROMATICITIES of its primaries; rec709 where it states none."""
@@ -139,8 +144,10 @@ def write_exr(
     return write_parts(path, scanline_file(first, channels, header.compression), durable=durable)
 
 
-def read_exr(path: StrPath) -> ExrImage:
-    """Read all channels of the first part of `path`; raises InputError unless it is whole.
+def read_exr(path: StrPath, part: str | None = None) -> ExrImage:
+    """Read all channels of a part of `path`; raises InputError unless it is whole.
+
+    The part with that name or number (from 0), by default the first that has R, G and B.
 
     >>> from itmo_video import convert, read_exr
     >>> _ = convert("photo.png", "out")
@@ -154,9 +161,15 @@ def read_exr(path: StrPath) -> ExrImage:
     try:
         check_claims(data)
         check_chunks(data)
+        if is_multi_part(data):
+            return _part(data, part, os.fspath(path))
+        if part not in (None, "0"):
+            raise InputError(f"it has no part {part}, only one", where=os.fspath(path))
         file = OpenEXR.File(io.BytesIO(data), header_only=True)
         channels = _pixels(OpenEXR.InputFile(io.BytesIO(data)))
         attributes = dict(file.header())
+    except InputError:
+        raise
     except Exception as error:  # whatever its bindings make of a header, from TypeError on
         reason = str(error) if isinstance(error, DamageError) else "its pixels do not decode"
         raise InputError(
@@ -165,6 +178,15 @@ def read_exr(path: StrPath) -> ExrImage:
             remedy="Make or copy the file again.",
         ) from error
     return ExrImage(channels, attributes)
+
+
+def _part(data: bytes, wanted: str | None, where: str) -> ExrImage:
+    import OpenEXR
+
+    parts = OpenEXR.File(io.BytesIO(data), separate_channels=True, num_threads=0).parts
+    at = part_index(parts, wanted, where)
+    channels = {name: channel.pixels for name, channel in parts[at].channels.items()}
+    return ExrImage(channels, dict(parts[at].header))
 
 
 def is_whole(path: StrPath) -> bool:

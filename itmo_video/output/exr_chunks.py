@@ -13,12 +13,11 @@ class DamageError(Exception):
     """Why a file cannot be whole."""
 
 
-def parse_header(data: bytes) -> tuple[dict[str, tuple[str, bytes]], int]:
-    """Return (type, value) of the first part's attributes by name, and where the header ends."""
+def parse_header(data: bytes, position: int = 8) -> tuple[dict[str, tuple[str, bytes]], int]:
+    """Return (type, value) of a part's attributes by name, and where its header ends."""
     if data[:4] != b"\x76\x2f\x31\x01":
         raise DamageError("empty" if not data else "no EXR file at all")
     attributes: dict[str, tuple[str, bytes]] = {}
-    position = 8
     try:
         while data[position] != 0:
             name_end = data.index(0, position)

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import struct
 
-from itmo_video.output.exr_chunks import DamageError, parse_header
+from itmo_video.output.exr_chunks import DamageError
+from itmo_video.output.exr_windows import headers
 
 MOST_PIXEL_BYTES = 5 << 28  # 2**27 pixels of RGBA in half floats, and a quarter more
 _MOST_TILE_BYTES = 1 << 28
@@ -15,15 +16,21 @@ _SAMPLE_BYTES = (4, 2, 4)  # by type: unsigned, half, float
 def check_claims(data: bytes) -> None:
     """Raise DamageError for a header that cannot be meant, or whose pixels take too much memory.
 
-    Of files of several parts the first one is looked at, which alone is read.
+    Of files of several parts each is looked at.
     """
-    attributes, _ = parse_header(data)
+    for attributes in headers(data):
+        _check_part(attributes)
+
+
+def _check_part(attributes: dict[str, tuple[str, bytes]]) -> None:
     for name in ("dataWindow", "displayWindow"):
         if name not in attributes:
             raise DamageError("its header is incomplete")
     width, height = _window(attributes["dataWindow"][1])
-    _window(attributes["displayWindow"][1])
+    shown = _window(attributes["displayWindow"][1])
     pixel_bytes = _pixel_bytes(attributes)
+    if shown[0] * shown[1] * pixel_bytes > MOST_PIXEL_BYTES:
+        raise DamageError(f"it claims to be shown as {shown[0]}x{shown[1]} pixels")
     if (tiles := attributes.get("tiles", ("", b""))[1]) and (
         len(tiles) != 9
         or not 0 < pixel_bytes * int.from_bytes(tiles[:4], "little")
