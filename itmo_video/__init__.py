@@ -1,6 +1,7 @@
 """Turns SDR video into HDR: the Expand Map of Banterle et al. 2006, tracked along motion.
 
 Whole clips: `convert`, `preview`, `evaluate`, `report`, `analyse`, as the commands of these names.
+Arrays, without files: `expand`, `expand_frames`; a converted folder as arrays: `open_result`.
 """
 
 from __future__ import annotations
@@ -12,6 +13,11 @@ if TYPE_CHECKING:
     from itmo_video.analysis.analyse import analyse as analyse
     from itmo_video.analysis.model import Analysis as Analysis
     from itmo_video.analysis.reading import read_analysis as read_analysis
+    from itmo_video.arrays.expand import Expanded as Expanded
+    from itmo_video.arrays.expand import expand as expand
+    from itmo_video.arrays.expand import expand_frames as expand_frames
+    from itmo_video.arrays.result import Result as Result
+    from itmo_video.arrays.result import open_result as open_result
     from itmo_video.conversion.convert import Summary as Summary
     from itmo_video.conversion.convert import convert as convert
     from itmo_video.conversion.plan import Plan as Plan
@@ -55,6 +61,8 @@ _ROOMS = {
     "analysis.analyse": ("analyse",),
     "analysis.model": ("Analysis",),
     "analysis.reading": ("read_analysis",),
+    "arrays.expand": ("Expanded", "expand", "expand_frames"),
+    "arrays.result": ("Result", "open_result"),
     "conversion.convert": ("Summary", "convert"),
     "conversion.plan": ("Plan",),
     "conversion.run_options": ("RunOptions",),

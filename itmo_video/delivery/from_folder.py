@@ -10,10 +10,10 @@ from pathlib import Path
 from itmo_video.conversion.frame_ranges import format_ranges, parse_ranges
 from itmo_video.conversion.run_options import RunOptions
 from itmo_video.delivery.pictures import Picture, Pictures, T, Work
-from itmo_video.errors import InputError, UsageError
-from itmo_video.model import Frame, Half
-from itmo_video.output.converted import Converted
-from itmo_video.output.exr import ExrImage, read_exr
+from itmo_video.errors import UsageError
+from itmo_video.model import Frame
+from itmo_video.output.converted import Converted, rgb_of
+from itmo_video.output.exr import read_exr
 from itmo_video.rendering import spans
 from itmo_video.rendering.opencv_threads import single_opencv_thread
 from itmo_video.source.opening import frames_at
@@ -59,11 +59,3 @@ def from_folder(folder: Converted, clip: Path | None, run: RunOptions) -> Pictur
         folder.size, folder.frame_rate, folder.pixel_aspect, folder.white_nits, folder.peak_nits,
         folder.first_image.primaries, numbers, clip, mapped,
     )  # fmt: skip
-
-
-def rgb_of(image: ExrImage) -> tuple[Half, Half, Half]:
-    """R, G and B of an EXR file; raises InputError where one is missing."""
-    try:
-        return image.channels["R"], image.channels["G"], image.channels["B"]
-    except KeyError as error:
-        raise InputError(f"the EXR file has no channel {error}") from error

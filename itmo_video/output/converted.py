@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from itmo_video.errors import InputError, UsageError
+from itmo_video.model import Half
 from itmo_video.output.exr import ExrImage, read_exr
 from itmo_video.output.folder import Manifest, OutputFolder, read_manifest
 from itmo_video.settings import Settings, settings_from
@@ -149,6 +150,14 @@ def find_converted(folder: Path) -> Converted | None:
         raise InputError(f"its manifest is not valid: {what}", where=str(folder)) from error
     files = {number: output.frame_path(number) for number in output.frame_numbers()}
     return Converted(folder, manifest, settings, shots, first, files)
+
+
+def rgb_of(image: ExrImage) -> tuple[Half, Half, Half]:
+    """R, G and B of an EXR file; raises InputError where one is missing."""
+    try:
+        return image.channels["R"], image.channels["G"], image.channels["B"]
+    except KeyError as error:
+        raise InputError(f"the EXR file has no channel {error}") from error
 
 
 def _known(values: Mapping[str, Any]) -> dict[str, Any]:

@@ -14,6 +14,7 @@ from concurrent.futures import (
     wait,
 )
 from dataclasses import dataclass
+from typing import Protocol
 
 from itmo_video.colour.analysis_picture import analysis_size
 from itmo_video.errors import DamagedInputError
@@ -39,12 +40,19 @@ class Run:
 
     start: int
     keys: int
-    wanted: frozenset[int]
+    wanted: frozenset[int] | range
 
     @property
     def last(self) -> int:
         """The last index that is wanted."""
-        return max(self.wanted)
+        return self.wanted[-1] if isinstance(self.wanted, range) else max(self.wanted)
+
+
+class Frames(Protocol):
+    """What frames come from: a clip, or whatever else gives them in order."""
+
+    def frames(self, start: int = 0) -> Iterator[Frame]:
+        """Yield the frames from index `start` on, the same whatever `start`."""
 
 
 def default_jobs() -> int:
@@ -99,7 +107,7 @@ def memory_bound_bytes(width: int, height: int, bytes_per_code: int, look: Look,
 
 
 def spans_of(
-    clip: Clip,
+    clip: Frames,
     run: Run,
     look: Look,
     on_end: Callable[[Exception], None],
@@ -142,7 +150,7 @@ def spans_of(
 
 def render_span(
     span: Span,
-    wanted: frozenset[int],
+    wanted: frozenset[int] | range,
     look: Look,
     sink: Sink,
     stop: threading.Event,

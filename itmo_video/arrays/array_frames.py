@@ -1,0 +1,122 @@
+"""Arrays as a source of frames: checked, and brought to the codes that the renderer reads."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from fractions import Fraction
+from typing import Any, cast, get_args
+
+import numpy as np
+import numpy.typing as npt
+
+from itmo_video.colour.transfer import inverse_eotf
+from itmo_video.errors import AlreadyHdrError, DamagedInputError, UsageError
+from itmo_video.model import Code, Encoding, Frame, Primaries, Transfer
+from itmo_video.settings import Settings
+
+PRIMARIES: tuple[Primaries, ...] = get_args(Primaries)
+_RATE = Fraction(24)  # arrays have no times, and nothing of a picture depends on them
+_OF_FILES = {"matrix": "auto", "range": "auto", "deinterlace": "auto", "fps": None, "stream": None}
+
+
+class ArrayFrames:
+    """An iterable of pictures as frames of codes; it is gone through once, from its start."""
+
+    def __init__(
+        self,
+        pictures: Iterable[npt.NDArray[Any]],
+        settings: Settings,
+        primaries: Primaries,
+        bit_depth: int | None,
+    ) -> None:
+        """Raises UsageError for settings that arrays have no use for."""
+        for name, unset in _OF_FILES.items():
+            if getattr(settings, name) != unset:
+                raise UsageError(
+                    f"{name} says how files are read; arrays are RGB of full range",
+                    remedy="Leave it as it is by default.",
+                )
+        if primaries not in PRIMARIES:
+            raise UsageError(f"primaries must be one of {', '.join(PRIMARIES)}, not {primaries!r}")
+        self._pictures, self._primaries = pictures, primaries
+        self._transfer, self._bit_depth = settings.transfer, bit_depth
+
+    def frames(self, start: int = 0) -> Iterator[Frame]:
+        """Yield the pictures as frames, from the first on.
+
+        Raises UsageError for what is no picture, AlreadyHdrError for light above white, and
+        DamagedInputError where a picture has another size than the first.
+        """
+        assert start == 0, "an iterable has only its start"
+        size: tuple[int, int] | None = None
+        for index, picture in enumerate(self._pictures):
+            frame = self._frame(index, np.asarray(picture))
+            size = size or frame.size
+            if frame.size != size:
+                raise DamagedInputError(
+                    f"it is {frame.size[0]}x{frame.size[1]}, the first {size[0]}x{size[1]}",
+                    where=f"picture {index}",
+                )
+            yield frame
+
+    def _frame(self, index: int, picture: npt.NDArray[Any]) -> Frame:
+        where = f"picture {index}"
+        if picture.ndim != 3 or picture.shape[2] != 3 or 0 in picture.shape:
+            raise UsageError(
+                f"an array of shape {picture.shape} is no picture",
+                where=where,
+                remedy="Pictures are RGB, of the shape (height, width, 3).",
+            )
+        transfer = _transfer_of(picture, self._transfer, where)
+        if np.issubdtype(picture.dtype, np.floating):
+            codes, bit_depth = _codes_of_light(picture, where), 16
+        else:
+            codes, bit_depth = picture, _depth_of(picture, self._bit_depth, where)
+        # Copies: who hands in the array may fill it anew for the next picture.
+        planes = cast(tuple[Code, ...], tuple(codes[..., i].copy() for i in range(3)))
+        encoding = Encoding("rgb", bit_depth, "bt709", "full", transfer, self._primaries)
+        return Frame(index, index / _RATE, planes, encoding)
+
+
+def _transfer_of(picture: npt.NDArray[Any], transfer: str, where: str) -> Transfer:
+    if not np.issubdtype(picture.dtype, np.floating):
+        return "srgb" if transfer == "auto" else cast(Transfer, transfer)
+    if transfer not in ("auto", "linear"):
+        raise UsageError(
+            f"floats are linear light, transfer is set to {transfer}",
+            where=where,
+            remedy="Hand in uint8 or uint16 codes, or leave transfer as it is by default.",
+        )
+    return "srgb"
+
+
+def _depth_of(picture: npt.NDArray[Any], bit_depth: int | None, where: str) -> int:
+    most = {np.dtype(np.uint8): 8, np.dtype(np.uint16): 16}.get(picture.dtype)
+    if most is None:
+        raise UsageError(
+            f"an array of {picture.dtype} is no picture",
+            where=where,
+            remedy="Codes are uint8 or uint16, linear light (SDR white = 1) is of floats.",
+        )
+    depth = bit_depth or most
+    if not 8 <= depth <= most or (depth == 8) != (most == 8):
+        raise UsageError(f"{picture.dtype} does not hold {depth} bits as codes do", where=where)
+    if (top := int(picture.max())) >= 2**depth:
+        raise UsageError(f"its highest code is {top}, more than {depth} bits", where=where)
+    return depth
+
+
+def _codes_of_light(picture: npt.NDArray[Any], where: str) -> Code:
+    """Linear light, 0 to 1, as 16-bit sRGB codes: off by 6e-7 of white in the dark, 1e-5 above."""
+    low, high = float(picture.min()), float(picture.max())
+    if not np.isfinite(low + high):
+        raise UsageError("it holds values that are not finite", where=where)
+    if high > 1:
+        raise AlreadyHdrError(
+            f"its light is up to {high:g} times SDR white: it is HDR already",
+            where=where,
+            remedy="SDR white is 1; if it only overshoots, numpy.clip(rgb, 0, 1).",
+        )
+    if low < 0:
+        raise UsageError(f"its light is down to {low:g}", where=where, remedy="numpy.clip it at 0.")
+    return np.asarray(np.rint(inverse_eotf(picture, "srgb") * 65535), np.uint16)

@@ -1,0 +1,73 @@
+"""A converted folder as HDR arrays by frame number."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from itmo_video.arrays.expand import Expanded
+from itmo_video.output.converted import Converted, ConvertedShot, open_converted, rgb_of
+from itmo_video.output.exr import read_exr
+from itmo_video.settings import Settings
+
+
+class Result(Mapping[int, Expanded]):
+    """A converted folder: a mapping from the numbers in its file names to its pictures.
+
+    Pictures are read when they are asked for, and not kept. `converted` has more: paths, times,
+    the source.
+    """
+
+    def __init__(self, converted: Converted) -> None:
+        self.converted = converted
+
+    @property
+    def settings(self) -> Settings:
+        """The settings of frames that are in no shot of their own."""
+        return self.converted.settings
+
+    @property
+    def shots(self) -> Sequence[ConvertedShot]:
+        """The shots that have settings of their own, by index."""
+        return self.converted.shots
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """(width, height) in pixels."""
+        return self.converted.size
+
+    def __getitem__(self, number: int) -> Expanded:
+        """The picture of this number; raises KeyError, and InputError where it is not whole."""
+        image = read_exr(self.converted.files[number])
+        planes = image.channels.items()
+        layers = {name.removesuffix(".Y"): plane for name, plane in planes if "." in name}
+        return Expanded(
+            self.converted.index_of(number),
+            np.dstack(rgb_of(image)),
+            layers,
+            self.converted.settings_of(number),
+            image.channels.get("A"),
+        )
+
+    def __iter__(self) -> Iterator[int]:
+        """The numbers, rising."""
+        return iter(self.converted.numbers)
+
+    def __len__(self) -> int:
+        return len(self.converted.files)
+
+
+def open_result(folder: str | Path) -> Result:
+    """Open a converted folder; raises InputError where no conversion or no frame is there.
+
+    >>> from itmo_video import convert, make_settings, open_result
+    >>> _ = convert("clip.mkv", "out", make_settings("default", layers=["gain"]))
+    >>> result = open_result("out")
+    >>> list(result), result[2].rgb.shape, result[2].layers["gain"].dtype
+    ([1, 2, 3], (64, 96, 3), dtype('float16'))
+    >>> result.settings.white_nits
+    203.0
+    """
+    return Result(open_converted(Path(folder)))
