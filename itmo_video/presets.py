@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import tomllib
 from collections.abc import Mapping, Sequence
 from importlib import resources
@@ -9,7 +10,8 @@ from pathlib import Path
 from typing import Any
 
 from itmo_video.errors import UsageError
-from itmo_video.settings import Settings, settings_from
+from itmo_video.options import flag_name, flag_of, spec_of
+from itmo_video.settings import LOOK, OF_CLIP, Settings, settings_from
 
 _OF_OPERATOR = ("strength", "l_white", "alpha", "operator_params")
 
@@ -35,7 +37,48 @@ def make_settings(preset: str = "default", **overrides: Any) -> Settings:
         values.pop("l_max", None)
     if "l_max" in overrides:
         values.pop("peak_nits", None)
-    return settings_from(values | overrides)
+    settings = settings_from(values | overrides)
+    object.__setattr__(settings, "asked", (preset, overrides))
+    return settings
+
+
+def with_own(base: Settings, own: Mapping[str, Any]) -> Settings:
+    """`base` with a shot's own look: what flags of these names, given last, would make of it.
+
+    `own` may name a preset beside settings of the look. What `base` was made of by make_settings
+    is made anew with it; of other settings those count as asked for that are not Settings' own.
+    Raises UsageError as make_settings, and for settings that hold for a whole clip (OF_CLIP).
+    """
+    if whole := [flag_name(name) for name in own if name in OF_CLIP]:
+        raise UsageError(f"{', '.join(whole)} holds for a whole clip, not for a shot")
+    _require_one_maximum(own)
+    values = {name: value for name, value in own.items() if name != "preset"}
+    preset, asked = base.asked or (None, _asked_for(base))
+    preset = own.get("preset", preset)
+    for said, replaced in (("l_max", "peak_nits"), ("peak_nits", "l_max")):
+        if said in values:
+            asked = {name: value for name, value in asked.items() if name != replaced}
+    together = {**asked, **{name: getattr(base, name) for name in OF_CLIP}, **values}
+    return settings_from(together) if preset is None else make_settings(preset, **together)
+
+
+def _asked_for(settings: Settings) -> dict[str, Any]:
+    plain = Settings()
+    names = [f.name for f in dataclasses.fields(settings)]
+    return {n: getattr(settings, n) for n in names if getattr(settings, n) != getattr(plain, n)}
+
+
+def check_own(own: Mapping[str, Any]) -> None:
+    """Raise UsageError for what no clip's shot can have of its own, each value by itself."""
+    specs = {f.name: f for f in dataclasses.fields(Settings) if f.name in LOOK}
+    _require_one_maximum(own)
+    for name, value in own.items():
+        if name == "preset":
+            load_preset(str(value))
+        elif name in specs:
+            spec_of(specs[name]).check(flag_of(specs[name]), value)
+        else:
+            raise UsageError(f"{flag_name(name)} is nothing that a shot can have of its own")
 
 
 def preset_folder() -> Path:

@@ -7,7 +7,7 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from fractions import Fraction
-from typing import Any
+from typing import Any, ClassVar
 
 from itmo_video.errors import UsageError
 from itmo_video.options import check_options, options_from
@@ -20,16 +20,29 @@ LAYERS = ("expand_map", "clip_mask", "gain")
 _TIMECODE = re.compile(r"([01]\d|2[0-3]):[0-5]\d:[0-5]\d[:;][0-5]\d")
 OUTPUT_PRIMARIES = ("rec709", "rec2020", "acescg", "aces2065-1")
 
+OF_CLIP = (
+    "white_nits", "projection", "transfer", "matrix", "range", "deinterlace", "fps", "force_sdr",
+    "stream",
+    "primaries", "compression", "layers", "owner", "comments", "timecode",
+)  # fmt: skip
+"""Settings that hold for a whole clip: how it is read, and what its files are; the others are its
+look, which a shot may have of its own."""
+
 
 @dataclass(frozen=True)
 class Settings:
     """All that a frame's pixels and its file depend on, beside the source; validated when made.
+
+    `Settings()` is plain; what a conversion does by default is `make_settings()`.
 
     >>> from itmo_video import Settings
     >>> Settings(key_interval=0)
     Traceback (most recent call last):
     itmo_video.errors.UsageError: key-interval must be from 1 to 60, not 0
     """
+
+    asked: ClassVar[tuple[str, Mapping[str, Any]] | None] = None
+    """The preset and the overrides, where make_settings made it; no part of its value."""
 
     operator: str = setting(
         "banterle2006", str, "how luminance is expanded; see `itmo-video operators`", metavar="NAME"
@@ -196,6 +209,10 @@ class Settings:
         plain["l_max"], plain["l_white"] = self.l_max_effective, self.l_white_effective
         plain["layers"] = list(self.layers)
         return plain
+
+
+LOOK = tuple(f.name for f in dataclasses.fields(Settings) if f.name not in OF_CLIP)
+"""The settings of the look, which a shot may have of its own."""
 
 
 def settings_from(values: Mapping[str, Any]) -> Settings:

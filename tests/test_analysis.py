@@ -17,8 +17,13 @@ from itmo_video import RunOptions, analyse, convert, make_settings, read_analysi
 from itmo_video.analysis.model import Analysis, Bars, Shot, Statistics
 from itmo_video.analysis.reading import parse_analysis
 from itmo_video.analysis.suggestions import suggestions
+from itmo_video.cli.main import main
+from itmo_video.delivery.from_clip import from_clip
+from itmo_video.delivery.pictures import Picture
 from itmo_video.errors import InputError, OutputError, UsageError
+from itmo_video.events import Warned
 from itmo_video.model import ClipInfo, Encoding
+from itmo_video.settings import Settings
 
 SETTINGS = make_settings("default", lights=64, radius=64, compression="none")
 SHOTS = [(1, 17), (18, 18), (19, 30)]
@@ -48,7 +53,8 @@ def all_bytes(folder: Path) -> dict[str, bytes]:
 
 def edited(analysis: Analysis, at: int, **changes: Any) -> Analysis:
     shots = list(analysis.shots)
-    shots[at] = replace(shots[at], **changes)
+    enabled = changes.pop("enabled", True)
+    shots[at] = replace(shots[at], own=changes, enabled=enabled)
     return replace(analysis, shots=tuple(shots))
 
 
@@ -107,6 +113,11 @@ BAD_SHOTS = [
     ({"peak_nit": 600}, "unknown peak_nit"),
     ({"strength": 1.5}, "from 0 to 1"),
     ({"strength": "high"}, "must be a number"),
+    ({"key-interval": 0}, "from 1 to 60"),
+    ({"operator": 7}, "operator must be"),
+    ({"preset": "of nobody"}, "unknown preset"),
+    ({"fps": "12"}, "unknown fps"),
+    ({"primaries": "rec2020"}, "unknown primaries"),
     ({"enabled": 1}, "true or false"),
     ({"peak_nits": 600, "l_max": 3}, "exclude"),
     ({"first": 20}, "ends before"),
@@ -130,7 +141,7 @@ def test_a_wrong_shot_is_named(found: Analysis, change: dict[str, Any], words: s
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        ({"itmo_video_analysis": 2}, "format is 2"),
+        ({"itmo_video_analysis": 3}, "format is 3"),
         ({"shots": {}}, "list"),
         ({"shots": [3]}, "not a table"),
         ({"cuts": [900]}, "no frame"),
@@ -223,10 +234,112 @@ def test_another_clips_analysis_and_values_out_of_bounds(
 
 
 def test_shots_may_be_cut_by_hand(clip: Path, found: Analysis, tmp_path: Path) -> None:
-    other = replace(found, shots=(Shot(3, 4, l_max=2.0), Shot(9, 9, strength=0.0)))
+    other = replace(found, shots=(Shot(3, 4, {"l_max": 2.0}), Shot(9, 9, enabled=False)))
     convert(clip, tmp_path, SETTINGS)
     summary = convert(clip, tmp_path, SETTINGS, RunOptions(analysis=other, update=True))
     assert summary.written == 3
+
+
+@pytest.mark.parametrize(
+    "own",
+    [
+        {"strength": 1.0},
+        {"operator": "reinhard2002"},
+        {"preset": "paper", "peak_nits": 600.0},
+        {"radius": 20.0, "min_lights": 2, "soft_lights": False},
+        {"key_interval": 3, "smooth_keys": 1, "map_width": 48},
+        {"temporal": "per-frame"},
+        {"expand_map": False, "l_max": 3.0},
+    ],
+)
+def test_a_shot_means_what_the_command_line_means(
+    clip: Path, found: Analysis, tmp_path: Path, own: dict[str, Any]
+) -> None:
+    """Frames of a shot are those of a clip converted with its settings, cut there or not."""
+    flags = {"lights": 64, "compression": "none", "peak_nits": 700.0}
+    shots = (Shot(1, 11), Shot(12, 22, own), Shot(23, 30, enabled=False))
+    analysis = replace(found, shots=shots)
+    convert(clip, tmp_path / "shots", make_settings(**flags), RunOptions(analysis=analysis, jobs=3))
+    of_clip = {n: v for n, v in flags.items() if n != "peak_nits" or "l_max" not in own}
+    whole = make_settings(**{"preset": "default"} | of_clip | own)
+    convert(clip, tmp_path / "whole", whole, RunOptions(frames="12-22"))
+    made, alone = exr_bytes(tmp_path / "shots"), exr_bytes(tmp_path / "whole")
+    assert [n for n in names(12, 22) if made[n] != alone[n]] == []
+
+    ranged = RunOptions(frames="10-13", analysis=analysis)
+    convert(clip, tmp_path / "ranged", make_settings(**flags), ranged)
+    again = exr_bytes(tmp_path / "ranged")
+    assert all(again[n] == made[n] for n in names(10, 13)), "the law"
+    convert(clip, tmp_path / "base", make_settings(**flags), RunOptions(frames="1-11"))
+    base = exr_bytes(tmp_path / "base")
+    assert all(base[n] == made[n] for n in names(1, 11)), "a shot's settings reach another shot"
+
+
+def test_settings_that_no_preset_was_asked_for_are_all_meant(found: Analysis) -> None:
+    base = Settings(strength=0.5, peak_nits=600.0, operator="linear")
+    assert Shot(1, 2, {"radius": 9.0}).settings(base) == replace(base, radius=9.0)
+    paper = Shot(1, 2, {"preset": "paper"}).settings(base)
+    assert paper == make_settings("paper", strength=0.5, peak_nits=600.0, operator="linear")
+    white = make_settings(white_nits=100.0, peak_nits=150.0)
+    assert Shot(1, 2, {"preset": "paper"}).settings(white).white_nits == 100
+    with pytest.raises(UsageError, match="whole clip"):
+        Shot(1, 2, {"compression": "rle"}).settings(base)
+
+
+def test_frames_in_no_shot_are_told(clip: Path, found: Analysis, tmp_path: Path) -> None:
+    told: list[Any] = []
+    other = replace(found, shots=(Shot(1, 17), Shot(20, 29)), where="a.json")
+    run = RunOptions(frames="15-22,30", analysis=other)
+    convert(clip, tmp_path / "o", SETTINGS, run, told.append)
+    warnings = [event.message for event in told if isinstance(event, Warned)]
+    assert any("frames 18-19,30 are in no shot of a.json" in text for text in warnings)
+    told.clear()
+    convert(clip, tmp_path / "p", SETTINGS, RunOptions(frames="15-17", analysis=other), told.append)
+    assert not any("no shot" in str(event) for event in told)
+
+
+def test_an_analysis_at_another_rate_is_refused(
+    clip: Path, found: Analysis, tmp_path: Path
+) -> None:
+    slower = replace(SETTINGS, fps="12")
+    with pytest.raises(UsageError, match="counts 30 frames, this conversion 15"):
+        convert(clip, tmp_path / "o", slower, RunOptions(analysis=found))
+
+
+def test_format_1_is_read_where_it_means_the_same(found: Analysis) -> None:
+    data = json.loads(found.to_json())
+    data["itmo_video_analysis"] = 1
+    for shot in data["shots"]:
+        shot |= {"peak_nits": None, "l_max": None, "strength": 1.0}
+    data["shots"][1]["peak_nits"] = 500
+    back = parse_analysis(json.dumps(data), where="a.json")
+    assert [shot.own for shot in back.shots] == [{}, {"peak_nits": 500}, {}]
+    data["shots"][2]["strength"] = 0.5
+    with pytest.raises(InputError, match=r"shot 19-30: strength 0\.5 is of format 1"):
+        parse_analysis(json.dumps(data), where="a.json")
+
+
+def test_a_preview_shows_the_shots(clip: Path, found: Analysis, tmp_path: Path) -> None:
+    other = edited(found, 2, preset="paper", peak_nits=4000.0, strength=1.0)
+    run = RunOptions(analysis=other, jobs=2)
+    convert(clip, tmp_path, SETTINGS, run)
+    pictures = from_clip(clip, SETTINGS, run)
+    assert pictures.peak_nits == 4000
+
+    def is_same(picture: Picture) -> bool:
+        image = read_exr(tmp_path / f"scene.{picture.number:04d}.exr")
+        return all(
+            bool((image.channels[c] == p).all()) for c, p in zip("RGB", picture.rgb, strict=True)
+        )
+
+    assert list(pictures.mapped(is_same)) == [True] * 30
+
+
+def test_a_folder_takes_no_settings(clip: Path, found: Analysis, tmp_path: Path) -> None:
+    convert(clip, tmp_path / "o", SETTINGS)
+    for more in (["--peak-nits", "500"], ["--preset", "paper"]):
+        assert main(["preview", str(tmp_path / "o"), str(tmp_path / "a.mp4"), *more]) == 2
+    assert not (tmp_path / "a.mp4").exists()
 
 
 def test_at_the_command_line(clip: Path, tmp_path: Path) -> None:
@@ -236,7 +349,7 @@ def test_at_the_command_line(clip: Path, tmp_path: Path) -> None:
     assert "3 shots" in done.stdout
     assert run("analyse", clip, "--output", file).returncode == 5, "edited by hand, perhaps"
     assert parse_analysis(run("analyse", clip).stdout, where="-") == read_analysis(file)
-    file.write_text(file.read_text().replace('"strength": 1.0', '"strength": 2', 1))
+    file.write_text(file.read_text().replace('"enabled": true', '"strength": 2', 1))
     done = run("convert", clip, tmp_path / "out", "--analysis", file)
     assert (done.returncode, "shot 1-17: strength" in done.stderr) == (3, True), done.stderr
 

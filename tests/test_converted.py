@@ -39,7 +39,7 @@ def shots(clip: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder whose second shot has a peak of its own; its first frame is number 101."""
     found = analyse(clip, start_number=101)
     first, second = found.shots
-    edited = replace(found, shots=(first, replace(second, peak_nits=600.0)))
+    edited = replace(found, shots=(first, replace(second, own={"peak_nits": 600.0})))
     out = tmp_path_factory.mktemp("shots") / "out"
     convert(
         clip, out, make_settings(peak_nits=400.0), RunOptions(start_number=101, analysis=edited)

@@ -10,7 +10,8 @@ import pytest
 from itmo_video.errors import UsageError
 from itmo_video.options import spec_of
 from itmo_video.presets import load_preset, make_settings, preset_names
-from itmo_video.settings import Settings, settings_from
+from itmo_video.settings import LOOK, OF_CLIP, Settings, settings_from
+from itmo_video.source.tags import InputOptions
 
 
 def test_every_setting_has_help_and_a_default_within_its_bounds() -> None:
@@ -75,3 +76,10 @@ def test_unknown_names_are_refused() -> None:
 def test_presets_say_what_they_are() -> None:
     for name in preset_names():
         assert load_preset(name)
+
+
+def test_how_a_clip_is_read_is_no_look() -> None:
+    """A shot may have all of the look of its own: what opens the clip must not be among that."""
+    reading = {f.name for f in dataclasses.fields(InputOptions)} - {"max_pixels"}
+    assert reading <= set(OF_CLIP)
+    assert set(OF_CLIP).isdisjoint(LOOK)

@@ -6,11 +6,15 @@ JSON with a format number; analysis/reading.py reads it back.
 from __future__ import annotations
 
 import json
-from dataclasses import asdict, dataclass, field
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field, replace
 from fractions import Fraction
 from typing import Any
 
-FORMAT = 1
+from itmo_video.presets import with_own
+from itmo_video.settings import Settings
+
+FORMAT = 2  # in 1 a shot's strength multiplied the conversion's
 FORMAT_NAME = "itmo_video_analysis"
 
 
@@ -37,30 +41,25 @@ class Statistics:
 class Shot:
     """Frames `first` to `last`, numbered as in the file names, inclusive, and how they are made.
 
-    `peak_nits` or `l_max` replaces the conversion's own; `strength` 0 to 1 weighs the expansion, on
-    top of the conversion's; not `enabled` leaves the shot SDR.
+    `own` is the shot's own look: settings by name, or a preset, with the meaning that they have on
+    the command line beside the conversion's. A shot that is not `enabled` is left SDR.
     """
 
     first: int
     last: int
-    peak_nits: float | None = None
-    l_max: float | None = None
-    strength: float = 1.0
+    own: Mapping[str, Any] = field(default_factory=dict)
     enabled: bool = True
     statistics: Statistics | None = None
 
-    def changes(self, strength: float) -> dict[str, Any]:
-        """The settings that differ in this shot, where `strength` is the conversion's own."""
-        if not self.enabled:
-            return {"strength": 0.0}
-        changed: dict[str, Any] = {}
-        if self.strength != 1.0:
-            changed["strength"] = strength * self.strength
-        if self.peak_nits is not None:
-            changed |= {"peak_nits": self.peak_nits, "l_max": None}
-        elif self.l_max is not None:
-            changed["l_max"] = self.l_max
-        return changed
+    def settings(self, base: Settings) -> Settings:
+        """What its frames are made with where `base` is the conversion's; raises UsageError."""
+        own = with_own(base, self.own) if self.own else base
+        return own if self.enabled else replace(base, strength=0.0)
+
+    def to_row(self) -> dict[str, Any]:
+        """As JSON has it: the own settings among its other entries."""
+        row = {"first": self.first, "last": self.last, "enabled": self.enabled, **self.own}
+        return row | {"statistics": None if self.statistics is None else asdict(self.statistics)}
 
 
 @dataclass(frozen=True)
@@ -108,6 +107,7 @@ class Analysis:
         data = asdict(self)
         del data["where"]
         data["times_s"] = [str(time) for time in self.times_s]
+        data["shots"] = [shot.to_row() for shot in self.shots]
         lines = [f" {json.dumps(FORMAT_NAME)}: {FORMAT}"]
         for name, value in data.items():
             if name in ("shots", "suggestions"):

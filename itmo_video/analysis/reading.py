@@ -18,8 +18,12 @@ from itmo_video.analysis.model import (
     Statistics,
     Suggestion,
 )
-from itmo_video.errors import InputError
+from itmo_video.errors import InputError, UsageError
 from itmo_video.output.atomic import StrPath
+from itmo_video.presets import check_own
+from itmo_video.settings import LOOK
+
+_OF_SHOT = ("first", "last", "enabled", "statistics")
 
 
 def read_analysis(path: StrPath) -> Analysis:
@@ -64,13 +68,15 @@ def _bad(why: str, where: str) -> InputError:
 def _analysis(data: Any, where: str) -> Analysis:
     if not isinstance(data, dict) or FORMAT_NAME not in data:
         raise _WrongError(f"it has no {FORMAT_NAME!r}")
-    if (number := data.pop(FORMAT_NAME)) != FORMAT or isinstance(number, bool):
+    number = data.pop(FORMAT_NAME)
+    if isinstance(number, bool) or number not in (1, FORMAT):
         raise _WrongError(f"its format is {number}, this version reads {FORMAT}")
     names = [f.name for f in fields(Analysis) if f.name != "where"]
     _check_names(data, names, names, "the file")
     first, frames = _whole(data, "first_number"), _whole(data, "frames")
     last = first + frames - 1
-    shots = [_shot(entry, i) for i, entry in enumerate(_list(data, "shots"))]
+    entries = _list(data, "shots") if number == FORMAT else _of_format_1(_list(data, "shots"))
+    shots = [_shot(entry, i) for i, entry in enumerate(entries)]
     _check_order(shots, first, last)
     return Analysis(
         source_name=_text(data, "source_name"),
@@ -90,25 +96,40 @@ def _analysis(data: Any, where: str) -> Analysis:
 
 def _shot(entry: Any, position: int) -> Shot:
     place = f"shots[{position}]"
-    _check_names(entry, [f.name for f in fields(Shot)], ["first", "last"], place)
+    if isinstance(entry, dict):
+        entry = {str(name).replace("-", "_"): value for name, value in entry.items()}
+    _check_names(entry, (*_OF_SHOT, "preset", *LOOK), ["first", "last"], place)
     place = f"shot {entry['first']}-{entry['last']}"
     statistics = entry.get("statistics")
     shot = Shot(
         first=_whole(entry, "first", place),
         last=_whole(entry, "last", place),
-        peak_nits=_optional_real(entry, "peak_nits", place),
-        l_max=_optional_real(entry, "l_max", place),
-        strength=_real(entry.get("strength", 1.0), f"{place}: strength"),
+        own={n: v for n, v in entry.items() if n not in _OF_SHOT and v is not None},
         enabled=entry.get("enabled", True),
         statistics=None if statistics is None else _statistics(statistics, place),
     )
     if not isinstance(shot.enabled, bool):
         raise _WrongError(f"{place}: enabled must be true or false, not {shot.enabled!r}")
-    if not 0 <= shot.strength <= 1:
-        raise _WrongError(f"{place}: strength must be from 0 to 1, not {shot.strength:g}")
-    if shot.peak_nits is not None and shot.l_max is not None:
-        raise _WrongError(f"{place}: peak_nits and l_max exclude each other")
+    try:
+        check_own(shot.own)
+    except UsageError as error:
+        raise _WrongError(f"{place}: {error.what}") from error
     return shot
+
+
+def _of_format_1(shots: Sequence[Any]) -> list[Any]:
+    """Shots as written until format 2: each with a strength that multiplied the conversion's."""
+    for shot in shots:
+        if isinstance(shot, dict) and shot.get("strength", 1.0) != 1.0:
+            raise _WrongError(
+                f"shot {shot.get('first')}-{shot.get('last')}: strength {shot['strength']} is of "
+                f"format 1, where it multiplied the conversion's; in format {FORMAT} it is what "
+                f'--strength is. Set it so, and "{FORMAT_NAME}" to {FORMAT}'
+            )
+    return [
+        {n: v for n, v in shot.items() if n != "strength"} if isinstance(shot, dict) else shot
+        for shot in shots
+    ]
 
 
 def _check_order(shots: Sequence[Shot], first: int, last: int) -> None:
@@ -144,11 +165,6 @@ def _real(value: Any, place: str) -> float:
     if not isinstance(value, int | float) or isinstance(value, bool) or not abs(value) < 1e300:
         raise _WrongError(f"{place} must be a number, not {value!r}")
     return float(value)
-
-
-def _optional_real(data: Mapping[str, Any], name: str, place: str) -> float | None:
-    value = data.get(name)
-    return None if value is None else _real(value, f"{place}: {name}")
 
 
 def _text(data: Mapping[str, Any], name: str) -> str:

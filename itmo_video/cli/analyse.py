@@ -20,8 +20,10 @@ def add_analyse(commands: Any) -> None:
     analyse = commands.add_parser(
         "analyse",
         help="cuts, keyframes, statistics, suggested settings and a list of shots to edit",
-        description="Look through a clip once. In the JSON that is written, each shot's peak_nits "
-        "or l_max, strength (0 to 1) and enabled may be edited; convert --analysis reads it.",
+        description="Look through a clip once. In the JSON that is written a shot may be given any "
+        'setting of the look, with the meaning that it has on the command line ("strength": 0.5, '
+        '"peak_nits": 600, "operator": ..., also a "preset"), or "enabled": false; convert '
+        "and preview --analysis read it.",
     )
     analyse.add_argument("input", metavar="INPUT", help="a clip")
     analyse.add_argument(

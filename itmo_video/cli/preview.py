@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import argparse
+import os
 from typing import Any
 
-from itmo_video.cli.option_flags import add_options, options_of
+from itmo_video.cli.option_flags import add_options, given, options_of
 from itmo_video.cli.run_flags import OF_PREVIEW, add_telling
 from itmo_video.cli.settings_flags import add_settings, settings_of
 from itmo_video.conversion.run_options import RunOptions
 from itmo_video.delivery.preview_options import OF_ENCODING, OF_VIEW, PreviewOptions
+from itmo_video.settings import Settings
 
 EXAMPLES = """\
 examples:
@@ -50,10 +52,12 @@ def _run(args: argparse.Namespace) -> int:
     from itmo_video.cli.progress import Progress
     from itmo_video.delivery.preview import preview
 
-    settings = settings_of(args)
+    source = args.preview_source
+    is_said = args.preset != "default" or bool(given(args, Settings))
+    settings = settings_of(args) if is_said or not os.path.isdir(source) else None
     run, options = options_of(args, RunOptions), options_of(args, PreviewOptions)
     progress = Progress(as_json=args.json, quiet=args.quiet)
-    summary = preview(args.preview_source, args.output, settings, run, options, progress.on_event)
+    summary = preview(source, args.output, settings, run, options, progress.on_event)
     if summary.max_cll and not (args.quiet or args.json):
         print(f"MaxCLL {summary.max_cll:.0f} nits, MaxFALL {summary.max_fall:.1f} nits")
     return 0

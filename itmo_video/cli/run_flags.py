@@ -8,7 +8,7 @@ from itmo_video.cli.option_flags import add_options
 from itmo_video.conversion.run_options import RunOptions
 
 OF_ANALYSE = ("start_number", "max_pixels", "overwrite")
-OF_PREVIEW = ("frames", "jobs", *OF_ANALYSE)
+OF_PREVIEW = ("frames", "jobs", "analysis", *OF_ANALYSE)
 
 
 def add_run_options(parser: argparse.ArgumentParser) -> None:

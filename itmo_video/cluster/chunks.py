@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 from itmo_video.conversion.convert import Job, Summary, frames_to_make, render_job
 from itmo_video.conversion.frame_ranges import format_ranges
-from itmo_video.conversion.plan import ALGORITHM, make_plan
+from itmo_video.conversion.plan import ALGORITHM, Plan, ShotLook, make_plan
 from itmo_video.conversion.run_options import RunOptions
 from itmo_video.errors import ClusterError, DamagedInputError, InputError, ItmoError, OutputError
 from itmo_video.events import ignore
@@ -26,12 +26,16 @@ SHORTEST, LONGEST = 20, 100  # frames; each chunk pays for the frames that lead 
 
 @dataclass(frozen=True)
 class Chunk:
-    """Frames for one worker, with all that it needs to make them; small, since it travels."""
+    """Frames for one worker, with all that it needs to make them; small, since it travels.
+
+    `shots` are first and last index of frames with settings of their own, and those.
+    """
 
     source: str
     digest: str
     output: str
     settings: Settings
+    shots: tuple[tuple[int, int, Settings], ...]
     run: RunOptions
     numbers: tuple[int, ...]
     algorithm: int = ALGORITHM
@@ -68,7 +72,8 @@ def cut_into_chunks(job: Job, workers: int) -> Iterator[Chunk]:
             digest=plan.clip.digest,
             output=os.path.abspath(job.folder.path),
             settings=plan.settings,
-            run=_run_of(job.run, numbers, plan.first_number),
+            shots=_own(plan, numbers),
+            run=replace(job.run, frames=format_ranges(numbers), jobs=1, analysis=None),
             numbers=tuple(numbers),
         )
 
@@ -86,6 +91,8 @@ def make_chunk(chunk: Chunk) -> Outcome:
         )
     clip = _clip(chunk)
     plan = make_plan(clip, make_look(chunk.settings), chunk.run)
+    shots = (ShotLook(first, last, make_look(own)) for first, last, own in chunk.shots)
+    plan = replace(plan, shots=tuple(shots))
     folder = OutputFolder(chunk.output, plan.clip.stem)
     todo: Mapping[int, int] = plan.numbers
     if not chunk.run.null:
@@ -125,14 +132,14 @@ def dask_setup(worker: object) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
-def _run_of(run: RunOptions, numbers: list[int], first_number: int) -> RunOptions:
-    analysis = run.analysis
-    if analysis is not None:  # of a film it would be megabytes; a chunk needs its own shots
-        offset = first_number - analysis.first_number
-        first, last = numbers[0] - offset, numbers[-1] - offset
-        shots = tuple(s for s in analysis.shots if s.last >= first and s.first <= last)
-        analysis = replace(analysis, times_s=(), cuts=(), keyframes=(), shots=shots)
-    return replace(run, frames=format_ranges(numbers), jobs=1, analysis=analysis)
+def _own(plan: Plan, numbers: list[int]) -> tuple[tuple[int, int, Settings], ...]:
+    """The shots that a chunk's frames lie in."""
+    first, last = plan.numbers[numbers[0]], plan.numbers[numbers[-1]]
+    return tuple(
+        (shot.first, shot.last, shot.look.settings)
+        for shot in plan.shots
+        if shot.last >= first and shot.first <= last
+    )
 
 
 def _clip(chunk: Chunk) -> Clip:

@@ -81,7 +81,7 @@ def convert(
     with open_clip(source, input_options(settings, run.max_pixels)) as clip:
         plan = make_plan(clip, make_look(settings), run)
         folder = OutputFolder(output, plan.clip.stem)
-        for notice in plan.clip.notices:
+        for notice in plan.notices:
             on_event(Warned(notice))
         todo, others = dict(plan.numbers), list[int]()
         if not run.null:

@@ -6,7 +6,7 @@ import hashlib
 import json
 from bisect import bisect_right
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -41,7 +41,8 @@ class ShotLook:
 class Plan:
     """What a conversion would do: frames by number, and the folder and fingerprints they go by.
 
-    `shots` are sorted and apart from each other; frames in none of them follow `look`.
+    `shots` are sorted and apart from each other; frames in none of them follow `look`. `notices` is
+    what people should be told before.
     """
 
     clip: ClipInfo
@@ -51,6 +52,12 @@ class Plan:
     memory_bytes: int
     jobs: int
     shots: tuple[ShotLook, ...] = ()
+    notices: tuple[str, ...] = ()
+
+    @property
+    def looks(self) -> tuple[Look, ...]:
+        """All looks that frames may be made with."""
+        return self.look, *(shot.look for shot in self.shots)
 
     @property
     def settings(self) -> Settings:
@@ -105,12 +112,11 @@ class Plan:
     def _settings_texts(self) -> dict[int, str]:
         # By identity: a film has 150,000 frames and few looks, which the plan keeps alive.
         common = {"source": self.clip.digest, "algorithm": ALGORITHM}
-        looks = [self.look, *(shot.look for shot in self.shots)]
         return {
             id(look): json.dumps(
                 {**look.settings.as_dict(), **common, **_operator_version(look)}, sort_keys=True
             )
-            for look in looks
+            for look in self.looks
         }
 
 
@@ -131,10 +137,24 @@ def make_plan(clip: Clip, look: Look, run: RunOptions) -> Plan:
     jobs = run.jobs or spans.default_jobs()
     width, height = info.display_size
     wide = 1 if info.encoding.bit_depth == 8 else 2
-    memory = spans.memory_bound_bytes(width, height, wide, look, jobs)
     _check_timecode(info, look.settings)
     shots = shot_looks(info, look.settings, run.analysis)
-    return Plan(info, look, numbers, first, memory, jobs, shots)
+    looks = (look, *(shot.look for shot in shots))
+    memory = max(spans.memory_bound_bytes(width, height, wide, own, jobs) for own in looks)
+    notices = (*info.notices, *_left_out(numbers, first, run.analysis))
+    return Plan(info, look, numbers, first, memory, jobs, shots, notices)
+
+
+def _left_out(numbers: Mapping[int, int], first: int, analysis: Analysis | None) -> list[str]:
+    """A word about the frames that no shot of an analysis speaks of."""
+    if analysis is None:
+        return []
+    offset = first - analysis.first_number
+    listed = {n + offset for shot in analysis.shots for n in range(shot.first, shot.last + 1)}
+    if not (alone := sorted(set(numbers) - listed)):
+        return []
+    told = f"frames {format_ranges(alone)} are in no shot of {analysis.where or 'the analysis'}"
+    return [f"{told}: they are made as the rest of the clip"]
 
 
 def _check_timecode(info: ClipInfo, settings: Settings) -> None:
@@ -166,10 +186,16 @@ def shot_looks(info: ClipInfo, base: Settings, analysis: Analysis | None) -> tup
             where=analysis.where,
             remedy=f"Analyse this one: itmo-video analyse {info.path} --output FILE.json",
         )
+    if analysis.frames != info.frames:
+        raise UsageError(
+            f"the analysis counts {analysis.frames} frames, this conversion {info.frames}",
+            where=analysis.where,
+            remedy="Analyse with the same --fps.",
+        )
     looks: list[ShotLook] = []
     for shot in analysis.shots:
         try:
-            settings = replace(base, **shot.changes(base.strength))
+            settings = shot.settings(base)
         except UsageError as error:
             raise UsageError(
                 f"shot {shot.first}-{shot.last}: {error.what}",

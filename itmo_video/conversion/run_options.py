@@ -13,7 +13,7 @@ from itmo_video.options import check_options, option
 class RunOptions:
     """How a conversion is run; nothing of it but `analysis` changes a frame's bytes.
 
-    The shots of `analysis` give their frames a peak, a strength, or switch the expansion off.
+    The shots of `analysis` give their frames a look of their own, or switch the expansion off.
     Validated when made; raises UsageError.
 
     >>> from itmo_video import RunOptions

@@ -11,6 +11,7 @@ from itmo_video.delivery.in_order import InOrder, run_in_order
 from itmo_video.delivery.pictures import Picture, Pictures, T, Work
 from itmo_video.look import make_look
 from itmo_video.model import Frame
+from itmo_video.output.converted import peak_nits_of
 from itmo_video.rendering import spans
 from itmo_video.rendering.frame import Rendered
 from itmo_video.settings import Settings
@@ -41,17 +42,19 @@ def from_clip(source: Path, settings: Settings, run: RunOptions) -> Pictures:
 
             wanted = sorted(by_index)
             ended = spans.render_frames(
-                clip, wanted, look, plan.jobs, sink, on_planned=buffer.plan, on_stop=buffer.close
-            )
+                clip, wanted, look, plan.jobs, sink, plan.look_at,
+                on_planned=buffer.plan, on_stop=buffer.close,
+            )  # fmt: skip
             pictures.damage += [error.what for error in ended]
             if made < len(wanted):
                 pictures.damage.append(f"{len(wanted) - made} frames could not be decoded")
 
-        return run_in_order(make, plan.jobs * (settings.key_reach + 1))
+        longest = max(own.settings.key_reach for own in plan.looks)
+        return run_in_order(make, plan.jobs * (longest + 1))
 
     pictures = Pictures(
         info.display_size, info.frame_rate, info.pixel_aspect, settings.white_nits,
-        settings.l_max_effective * settings.white_nits, settings.primaries,
-        sorted(plan.numbers), source, mapped,
+        max(peak_nits_of(own.settings) for own in plan.looks), settings.primaries,
+        sorted(plan.numbers), source, mapped, notices=plan.notices,
     )  # fmt: skip
     return pictures

@@ -34,7 +34,8 @@ Work = Callable[[Picture], T]
 class Pictures:
     """A film's pictures and what is said of all of them; `mapped` makes something of each.
 
-    `damage` is filled while they are made: what was cut short or missing.
+    `damage` is filled while they are made: what was cut short or missing; `notices` is what people
+    should be told before.
     """
 
     size: tuple[int, int]
@@ -47,6 +48,7 @@ class Pictures:
     clip: Path | None
     _mapped: Callable[[Callable[[Picture], Any]], Iterator[Any]]
     damage: list[str] = field(default_factory=list)
+    notices: tuple[str, ...] = ()
 
     def mapped(self, work: Work[T]) -> Iterator[T]:
         """`work` of each picture in presentation order; it runs in several threads at once."""

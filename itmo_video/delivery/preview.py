@@ -27,7 +27,7 @@ from itmo_video.delivery.metadata import Mastering
 from itmo_video.delivery.pictures import Picture, Pictures
 from itmo_video.delivery.preview_options import PreviewOptions
 from itmo_video.errors import DamagedInputError, UsageError
-from itmo_video.events import Finished, FrameDone, OnEvent, Started, ignore
+from itmo_video.events import Finished, FrameDone, OnEvent, Started, Warned, ignore
 from itmo_video.output.converted import open_converted
 from itmo_video.output.folder import read_manifest
 from itmo_video.output.gate import FILM, STILL, Gate
@@ -68,10 +68,10 @@ def preview(
 ) -> PreviewSummary:
     """Make a film or a still of a clip, converted on the fly, or of a converted folder.
 
-    A folder is shown as it is and its source is read as it was then: `settings` are for clips.
+    A folder is shown as it is and its source is read as it was then; UsageError for `settings`.
     Raises the errors of itmo_video.errors, DamagedInputError only after all that decodes was
     written; OutputError before any work where `output` may not be written over (output.gate).
-    `on_event` is told Started, FrameDone and Finished.
+    `on_event` is told Warned, Started, FrameDone and Finished.
 
     >>> from itmo_video import PreviewOptions, preview
     >>> preview("clip.mkv", "frame.jpg", options=PreviewOptions(frame=2)).frames
@@ -88,6 +88,12 @@ def preview(
     gate = _gate(source, output, options, run)
     gate.check()
     if source.is_dir():
+        if settings is not None or run.analysis is not None:
+            raise UsageError(
+                "a converted folder is shown as it was made, whatever settings are given",
+                where=str(source),
+                remedy="Leave the settings and --analysis out, or give the clip itself.",
+            )
         clip = options.clip if options.view == "compare" else None
         pictures = from_folder(open_converted(source), clip, run)
         pictures.clip = options.clip
@@ -95,6 +101,8 @@ def preview(
         pictures = from_clip(source, settings or make_settings(), run)
     if options.view == "compare" and pictures.clip is None:
         raise UsageError("compare needs the source", remedy="Say where it is: --source CLIP.")
+    for notice in pictures.notices:
+        on_event(Warned(notice))
     on_event(Started(str(source), str(output), len(pictures.numbers), 0))
     if options.frame is not None:
         frames, light = 1, _still(pictures, gate, options)

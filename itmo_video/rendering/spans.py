@@ -25,6 +25,7 @@ from itmo_video.motion import flow, keyframes
 from itmo_video.motion.keyframes import Span
 from itmo_video.motion.shots import CUT_REACH, Analysed, analyse_frame, place
 from itmo_video.rendering.frame import Rendered, render
+from itmo_video.rendering.map_settings import shares_maps
 from itmo_video.rendering.opencv_threads import single_opencv_thread
 from itmo_video.source.opening import Clip
 
@@ -77,6 +78,25 @@ def plan_runs(wanted: Sequence[int], look: Look) -> list[Run]:
         keys = max(0, grid - lead_keys)
         runs.append(Run(max(0, grid - lead), keys, frozenset(group)))
     return runs
+
+
+def planned_runs(
+    wanted: Sequence[int], look: Look, look_at: LookAt | None
+) -> Iterator[tuple[Run, Look]]:
+    """The runs of sorted indices, each with a look whose maps its frames have in common."""
+    if look_at is None:
+        yield from ((run, look) for run in plan_runs(wanted, look))
+        return
+    stretch: list[int] = []
+    for index in wanted:
+        own = look_at(index)
+        if stretch and not (own is look or shares_maps(own, look)):
+            yield from ((run, look) for run in plan_runs(stretch, look))
+            stretch = []
+        if not stretch:
+            look = own
+        stretch.append(index)
+    yield from ((run, look) for run in plan_runs(stretch, look))
 
 
 def frames_in_flight(look: Look, jobs: int) -> int:
@@ -194,8 +214,8 @@ def render_frames(
 ) -> list[DamagedInputError]:
     """Render the wanted indices (sorted) and hand each to `sink`, called from worker threads.
 
-    `look_at` gives each index the look it is expanded with; keys and maps follow `look` all over
-    the clip, so that a shot's own settings do not reach the frames around it. `on_planned` is told,
+    `look_at` gives each index its own look: a frame is the one that a clip converted with that look
+    alone would have, so nothing of a shot's own reaches the frames around it. `on_planned` is told,
     in presentation order, the indices of each span before it is begun: who wants the frames in
     order knows by it what to wait for. `on_stop` is called when a worker or the decoder has failed,
     before the workers still running are waited for. Memory is bounded by jobs and the span's
@@ -212,14 +232,14 @@ def render_frames(
 
     pool = ThreadPoolExecutor(jobs, thread_name_prefix="span")
     try:
-        for run in plan_runs(wanted, look):
-            for span in spans_of(clip, run, look, on_end, pool):
+        for run, own in planned_runs(wanted, look, look_at):
+            for span in spans_of(clip, run, own, on_end, pool):
                 while len(pending) > jobs:
                     finished, pending = wait(pending, return_when=FIRST_COMPLETED)
                     for future in finished:
                         future.result()
                 on_planned([a.index for a in span.frames if a.index in run.wanted])
-                pending.add(pool.submit(render_span, span, run.wanted, look, sink, stop, look_at))
+                pending.add(pool.submit(render_span, span, run.wanted, own, sink, stop, look_at))
         # A sink may make the others wait for a frame that will not come: the first failure counts.
         for future in wait(pending, return_when=FIRST_EXCEPTION).done:
             future.result()

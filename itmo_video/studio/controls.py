@@ -8,8 +8,7 @@ from typing import Any
 from itmo_video.operators import OPERATORS
 from itmo_video.options import flag_of, spec_of
 from itmo_video.presets import load_preset, preset_names, read_preset
-from itmo_video.settings import Settings
-from itmo_video.studio import shot_settings
+from itmo_video.settings import LOOK, Settings
 
 # Where a setting stands on the page; one that is not named here stands under "More".
 GROUPS: dict[str, tuple[str, ...]] = {
@@ -54,7 +53,7 @@ def controls() -> list[dict[str, Any]]:
                 "choices": list(choices),
                 "default": list(default) if isinstance(default, tuple) else default,
                 "group": places.get(f.name, "More"),
-                "of_shots": f.name in shot_settings.NAMES,
+                "of_shots": f.name in LOOK,
             }
         )
     rank = {name: i for i, name in enumerate(order)}

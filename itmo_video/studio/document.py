@@ -12,9 +12,8 @@ from itmo_video.conversion.plan import ShotLook, shot_looks
 from itmo_video.errors import UsageError
 from itmo_video.look import Look, make_look
 from itmo_video.model import ClipInfo
-from itmo_video.presets import make_settings
+from itmo_video.presets import check_own, make_settings
 from itmo_video.settings import Settings
-from itmo_video.studio import shot_settings
 
 STEPS = 200  # that can be undone
 _MAXIMA = ("l_max", "peak_nits")
@@ -71,8 +70,9 @@ def set_values(document: Document, values: Mapping[str, Any], shot: int | None) 
         return replace(document, changed=changed)
     shots = list(document.shots)
     _known(shots, shot)
-    own = _merged(shot_settings.own_of(shots[shot], document.settings), values)
-    shots[shot] = shot_settings.with_own(shots[shot], own, document.settings)
+    own = _merged(shots[shot].own, values)
+    check_own(own)
+    shots[shot] = replace(shots[shot], own=own)
     return document.with_shots(shots)
 
 

@@ -23,9 +23,9 @@ from itmo_video.motion.keyframes import Span
 from itmo_video.motion.shots import Analysed, analyse_frame
 from itmo_video.rendering import spans
 from itmo_video.rendering.frame import render
+from itmo_video.rendering.map_settings import map_settings
 from itmo_video.source.opening import input_options, open_clip
 from itmo_video.source.tags import InputOptions
-from itmo_video.studio.map_settings import map_settings
 from itmo_video.studio.memory import Memory, RememberedClip
 
 Part = Literal["hdr", "sdr", "expand_map", "gain", "clip_mask"]
@@ -101,7 +101,7 @@ class Session:
         scale: int = 1,
         stale: Callable[[], bool] = _never,
     ) -> Shown:
-        """A frame as `convert` writes it: keys and map by `look`, expanded by `own` (`look`).
+        """A frame as `convert` writes it: the clip read by `look`, the frame by `own` (`look`).
 
         With `scale` 2 or 4 from codes averaged to that part of its size, the map being the same.
         Raises StaleError soon after `stale` says so, DamagedInputError where the frame does not
@@ -110,7 +110,7 @@ class Session:
         self._stale = stale
         self._reopen(look)
         own = own or look
-        frame, map_small, guide = self._frame_and_map(index, look)
+        frame, map_small, guide = self._frame_and_map(index, own)
         if scale > 1:
             frame = reduced(frame, scale)
         if part == "sdr":

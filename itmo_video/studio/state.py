@@ -14,7 +14,7 @@ from itmo_video.colour.primaries import (
 )
 from itmo_video.settings import Settings
 from itmo_video.source.facts import clip_facts
-from itmo_video.studio import controls, shot_settings
+from itmo_video.studio import controls
 from itmo_video.studio.desk import Desk
 from itmo_video.studio.document import Document
 
@@ -95,7 +95,7 @@ def _document(document: Document) -> dict[str, Any]:
                 "first": shot.first,
                 "last": shot.last,
                 "enabled": shot.enabled,
-                "own": shot_settings.own_of(shot, settings),
+                "own": dict(shot.own),
             }
             for shot in document.shots
         ],

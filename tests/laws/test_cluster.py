@@ -99,7 +99,10 @@ def test_chunks_in_reverse_make_up_the_whole(
 
 def test_chunks_know_their_edited_shots(clip: Path, tmp_path: Path) -> None:
     found = analyse(clip, SETTINGS)
-    shots = [replace(s, peak_nits=300.0 * (2 + i)) for i, s in enumerate(found.shots)]
+    shots = [
+        replace(s, own={"peak_nits": 300.0 * (2 + i), "radius": 8.0 + i})
+        for i, s in enumerate(found.shots)
+    ]
     options = RunOptions(start_number=1001, analysis=replace(found, shots=tuple(shots)))
     convert(clip, tmp_path / "one", SETTINGS, options)
     convert(clip, tmp_path / "many", SETTINGS, options, executor=in_chunks)
@@ -114,7 +117,7 @@ def test_chunks_lie_on_the_grid() -> None:
 
 
 def test_a_worker_that_sees_something_else_says_so(clip: Path, tmp_path: Path) -> None:
-    chunk = chunks.Chunk(str(clip), "0", str(tmp_path), SETTINGS, RunOptions(frames="1"), (1,))
+    chunk = chunks.Chunk(str(clip), "0", str(tmp_path), SETTINGS, (), RunOptions(frames="1"), (1,))
     with pytest.raises(InputError, match="another file"):
         chunks.make_chunk(chunk)
     with pytest.raises(InputError, match="does not find"):

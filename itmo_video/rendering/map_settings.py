@@ -27,6 +27,11 @@ def map_settings(look: Look) -> str:
     return json.dumps(kept, sort_keys=True, default=str)
 
 
+def shares_maps(one: Look, other: Look) -> bool:
+    """Whether both would make the same maps of any frames, so that they differ in their use."""
+    return one.needs_map == other.needs_map and map_settings(one) == map_settings(other)
+
+
 def has_paper_map(look: Look) -> bool:
     """Whether the map is sections 2.2 and 2.3's density of lights, the same for all operators."""
     operator = look.operator
