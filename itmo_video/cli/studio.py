@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import sys
 from typing import Any
 
 from itmo_video.cli.option_flags import add_options, given, options_of
@@ -43,5 +44,8 @@ def _run(args: argparse.Namespace) -> int:
             webbrowser.open(address)
 
     document = Document(args.preset, given(args, Settings), run.analysis)
-    serve(args.clip, document, options, run, on_ready)
+    try:
+        serve(args.clip, document, options, run, on_ready)
+    except KeyboardInterrupt:
+        print("itmo-video: the studio is closed", file=sys.stderr)  # its usual end
     return 0

@@ -77,6 +77,10 @@ class Desk:
         self._session.close()
         self._scratch.cleanup()
 
+    def stop_showing(self) -> None:
+        """End the work on pictures, whoever waits for them."""
+        self._latest.close()
+
     # See
 
     def picture(

@@ -41,7 +41,7 @@ class Latest:
                 self._waiting[lane] = work, future
             self._some.notify()
         if overtaken is not None:
-            overtaken[1].set_exception(StaleError())
+            _drop(overtaken[1])
         return future
 
     def close(self) -> None:
@@ -52,7 +52,7 @@ class Latest:
             self._waiting.clear()
             self._some.notify()
         for _, future in dropped:
-            future.set_exception(StaleError())
+            _drop(future)
         self._thread.join()
 
     def _next(self) -> tuple[str, int, Callable[[Stale], Any], Future[Any]] | None:
@@ -68,6 +68,8 @@ class Latest:
     def _work(self) -> None:
         while (found := self._next()) is not None:
             lane, serial, work, future = found
+            if not future.set_running_or_notify_cancel():
+                continue  # who asked has gone
 
             def stale(lane: str = lane, serial: int = serial) -> bool:
                 return self._closed or self._newest[lane] != serial
@@ -78,3 +80,8 @@ class Latest:
                 future.set_exception(error)
             else:
                 future.set_result(result)
+
+
+def _drop(future: Future[Any]) -> None:
+    if future.set_running_or_notify_cancel():
+        future.set_exception(StaleError())

@@ -55,8 +55,14 @@ def serve(
             log_level="warning",
             access_log=False,
             lifespan="off",
-            timeout_graceful_shutdown=2,
+            timeout_graceful_shutdown=20,
             limit_concurrency=64,
         )
         on_ready(f"http://127.0.0.1:{taken}/{token}/")
-        uvicorn.Server(config).run(sockets=[listener])
+
+        class Server(uvicorn.Server):
+            async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
+                desk.stop_showing()  # else it would be waited for
+                await super().shutdown(sockets)
+
+        Server(config).run(sockets=[listener])

@@ -55,6 +55,7 @@ def state(desk: Desk) -> dict[str, Any]:
         "version": desk.version,
         "document": _document(now),
         "other": _document(desk.other) if desk.other is not None else None,
+        "peak": _peak(desk),
         "can_undo": desk.history.can_undo,
         "can_redo": desk.history.can_redo,
         "analysed": desk.analysed,
@@ -78,6 +79,14 @@ def keys(desk: Desk, document: Document) -> list[int]:
     for cut in document.analysis.cuts if document.analysis else ():
         found |= {cut - desk.first_number - 1, cut - desk.first_number}
     return sorted(index + desk.first_number for index in found)
+
+
+def _peak(desk: Desk) -> float:
+    """The highest peak of clip, shots and B, SDR white = 1: one for all that is compared."""
+    both = [desk.history.now, *([desk.other] if desk.other is not None else [])]
+    looks = [document.look for document in both]
+    looks += [shot.look for document in both for shot in document.own_looks(desk.info)]
+    return max(look.settings.l_max_effective for look in looks)
 
 
 def _document(document: Document) -> dict[str, Any]:

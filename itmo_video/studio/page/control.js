@@ -47,6 +47,8 @@ function numeric(spec, onSet, id) {
     else number.reportValidity();
   };
   number.addEventListener("change", send);
+  // Enter takes the value, and the keys are the studio's again; Tab goes on from here.
+  number.addEventListener("keydown", (e) => { if (e.key === "Enter") number.blur(); });
   return {
     parts: [range, number],
     update: ({ value, derived, disabled }) => {

@@ -44,9 +44,9 @@ export async function show() {
   try {
     const isThere = Object.values(needs(index, 1)).every(has);
     for (const scale of quick > 1 && !isThere ? [quick, 1] : [1]) {
-      const found = await gathered(needs(index, scale));
+      const { version } = S.state, found = await gathered(needs(index, scale));
       if (mine !== turn) return;
-      shown = { ...found, index, scale };
+      shown = { ...found, index, scale, version };
       paint();
       byId("stage").dataset.ms = Math.round(performance.now() - began);
       if (S.playing) return;
@@ -69,7 +69,7 @@ export function showHeld(index) {
     if (!found[role]) return false;
   }
   turn++;
-  shown = { ...found, index, scale: quickScale() };
+  shown = { ...found, index, scale: quickScale(), version: S.state.version };
   paint();
   return true;
 }
@@ -99,7 +99,7 @@ export function paint() {
     draw(byId("picture"), sides(), { white, peak: peak() });
     const stage = byId("stage");
     Object.assign(stage.dataset, { frame: number(shown.index), scale: shown.scale,
-      version: S.state.version, draw: Math.round(performance.now() - began) });
+      version: shown.version, draw: Math.round(performance.now() - began) });
     screen.shows = { divider: S.split !== "off", lights: S.lights };
     screen.mark();
     labels(white);

@@ -114,6 +114,7 @@ export function openTimeline() {
   });
   canvas.addEventListener("pointermove", (e) => { if (e.buttons & 1) scrub(e); });
   byId("frame-number").addEventListener("change", (e) => go(Number(e.target.value) - S.about.first_number));
+  byId("frame-number").addEventListener("keydown", (e) => { if (e.key === "Enter") e.target.blur(); });
   byId("split-shot").addEventListener("click", splitHere);
   byId("merge-shot").addEventListener("click", mergeHere);
   byId("enable-shot").addEventListener("click", switchHere);

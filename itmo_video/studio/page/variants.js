@@ -2,7 +2,7 @@
 
 import { draw } from "viewer/draw.js";
 import { attempt, Stale } from "./api.js";
-import { edit, failed, S } from "./store.js";
+import { edit, failed, peak, S } from "./store.js";
 
 const byId = (id) => document.getElementById(id);
 const COUNT = 6;
@@ -53,9 +53,8 @@ async function fill() {
     try {
       const picture = await attempt({ index: S.index, preset, values: asked, scale }, S.about.primaries);
       if (mine !== turn) return;
-      const peak = preset ? 1 : 1;
-      draw(canvas, [{ picture, view: "picture", from: 0, to: 1, gain: 2 ** S.exposure.hdr, toneMap: S.toneMap,
-        peak: Math.max(peak, S.state.document.l_max) }], { white: S.state.document.settings.white_nits, peak: S.state.document.l_max });
+      draw(canvas, [{ picture, view: "picture", from: 0, to: 1, gain: 2 ** S.exposure.hdr,
+        toneMap: S.toneMap }], { white: S.state.document.settings.white_nits, peak: peak() });
     } catch (error) {
       if (mine !== turn) return;
       if (error instanceof Stale) continue;

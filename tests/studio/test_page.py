@@ -1,0 +1,229 @@
+"""The studio's page in a browser: one sees, tries, decides and renders, and the EXRs agree."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import driven
+import numpy as np
+import pytest
+from clips import SHARED
+from driven import Page
+
+from itmo_video.cli.main import main
+from itmo_video.output.exr import read_exr
+
+SAMPLES = Path(__file__).resolve().parents[2] / "sample_clips"
+WEIGHTS = (0.2126, 0.7152, 0.0722)
+PLACES = ((0.1, 0.2), (0.5, 0.5), (0.8, 0.3), (0.9, 0.9))
+REAL = SHARED / "data" / "clips" / "cvvdp_ferris-ref.mp4"
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Any]:
+    with driven.browser() as opened:
+        yield opened
+
+
+@pytest.fixture
+def address(tmp_path: Path) -> Iterator[str]:
+    with driven.studio(SAMPLES / "cut_and_flash.mp4", tmp_path) as found:
+        yield found
+
+
+def check_probe(page: Page, exr: Path) -> None:
+    channels = read_exr(exr).channels
+    luminance = sum(w * channels[c].astype(np.float64) for c, w in zip("RGB", WEIGHTS, strict=True))
+    for x, y in PLACES:
+        column, row, nits = page.probe(x, y)
+        assert nits == pytest.approx(203 * luminance[row, column], rel=0.03, abs=0.02), (x, y)
+
+
+def story(browser: Any, clip: Path, folder: Path) -> None:
+    """From a clip to a rendered shot with its own peak."""
+    with driven.studio(clip, folder) as address:
+        page = Page(browser, address)
+        tab = page.tab
+
+        # See: scrub, split, drag the divider, exposure on both sides
+        box = tab.query_selector("#timeline").bounding_box()
+        tab.mouse.click(box["x"] + 0.6 * box["width"], box["y"] + 30)
+        page.settled()
+        assert int(page.stage()["frame"]) > 20
+        seen = [page.pixels()]
+        tab.keyboard.press("d")
+        page.settled()
+        seen.append(page.pixels())
+        handle = tab.query_selector("#divider").bounding_box()
+        tab.mouse.move(handle["x"] + 1, handle["y"] + 20)
+        tab.mouse.down()
+        tab.mouse.move(handle["x"] - 200, handle["y"] + 20, steps=4)
+        tab.mouse.up()
+        tab.wait_for_timeout(200)
+        seen.append(page.pixels())
+        for side in ("hdr", "sdr"):
+            tab.locator(f"#exposure-{side}").fill("-2")
+            tab.wait_for_timeout(200)
+            seen.append(page.pixels())
+        tab.keyboard.press("0")
+        tab.keyboard.press("d")
+
+        # Try: a setting changed shows, and is what convert writes
+        page.go(30)
+        page.set("strength", 0.8)
+        seen.append(page.pixels())
+        assert len(set(seen)) == len(seen), "a control changed nothing"
+        out = folder / "one"
+        command = ["convert", str(clip), str(out), "--quiet"]
+        assert main([*command, "--strength", "0.8", "--frames", "30"]) == 0
+        check_probe(page, next(out.glob("*.exr")))
+
+        # Decide: a shot split, given its own peak, saved
+        shots = tab.evaluate("fetch('api/state').then((r) => r.json())")["document"]["shots"]
+        tab.click("#split-shot")
+        tab.click("#of-shot")
+        page.set("peak_nits", 2500)
+        after = tab.evaluate("fetch('api/state').then((r) => r.json())")["document"]["shots"]
+        assert len(after) == len(shots) + 1
+        assert [s["first"] for s in after if s["own"]] == [30]
+        tab.keyboard.press("r")
+        preset, listed = page.saved("preset", "look"), page.saved("shots", "shots")
+        told = tab.inner_text("#command")
+        assert str(preset) in told
+        assert str(listed) in told
+        tab.keyboard.press("Escape")
+        out = folder / "two"
+        command = ["convert", str(clip), str(out), "--quiet", "--preset", str(preset)]
+        assert main([*command, "--analysis", str(listed), "--frames", "29-30"]) == 0
+        check_probe(page, next(out.glob("*.0030.exr")))
+        page.go(29)
+        check_probe(page, next(out.glob("*.0029.exr")))
+
+        # Render, and reload while it runs
+        tab.keyboard.press("r")
+        tab.fill("#render-name", "three")
+        tab.click("#render-convert")
+        page.until(lambda: "of" in tab.inner_text("#render-says"), "no progress")
+        tab.reload()
+        page.ready()
+        tab.keyboard.press("r")
+        page.until(lambda: "Done" in tab.inner_text("#render-says"), "it did not end")
+        tab.keyboard.press("Escape")
+        state = tab.evaluate("fetch('api/state').then((r) => r.json())")
+        assert state["document"]["shots"] == after, "a reload lost what was decided"
+        frames = tab.evaluate("fetch('api/about').then((r) => r.json())")["frames"]
+        assert len(list((folder / "three").glob("*.exr"))) == frames
+        page.go(30)
+        check_probe(page, next((folder / "three").glob("*.0030.exr")))
+        assert page.told == [], "the page complained, or asked for something elsewhere"
+
+
+def test_from_clip_to_a_rendered_shot(browser: Any, tmp_path: Path) -> None:
+    story(browser, SAMPLES / "cut_and_flash.mp4", tmp_path)
+
+
+@pytest.mark.shared
+def test_on_a_real_clip(browser: Any, tmp_path: Path) -> None:
+    story(browser, REAL, tmp_path)
+
+
+def test_all_views_and_keys(browser: Any, address: str) -> None:
+    page = Page(browser, address)
+    tab = page.tab
+    page.go(12)
+    seen = {}
+    for key in ("1", "2", "3", "4", "5"):
+        tab.keyboard.press(key)
+        tab.wait_for_timeout(400)
+        seen[key] = page.pixels()
+    tab.keyboard.press("1")
+    for key in ("t", "c"):
+        tab.keyboard.press(key)
+        tab.wait_for_timeout(400)
+        seen[key] = page.pixels()
+    assert len(set(seen.values())) == len(seen), "a view shows what another shows"
+    tab.keyboard.press("ArrowRight")
+    page.settled()
+    assert page.stage()["frame"] == "13"
+    tab.keyboard.press("End")
+    page.settled()
+    assert page.stage()["frame"] == "48"
+    tab.keyboard.press("ArrowUp")
+    page.settled()
+    assert page.stage()["frame"] not in ("48", "13"), "no way to the shot's beginning"
+    for key, dialog in (("v", "variants"), ("r", "files"), ("?", "help")):
+        tab.keyboard.press(key)
+        assert tab.is_visible(f"#{dialog}"), key
+        tab.keyboard.press("Escape")
+        assert not tab.is_visible(f"#{dialog}"), key
+    assert page.told == []
+
+
+def test_a_and_b_undo_and_variants(browser: Any, address: str) -> None:
+    page = Page(browser, address)
+    tab = page.tab
+    page.go(12)
+    tab.keyboard.press("t")  # a tone map is one for all that is compared
+    tab.wait_for_timeout(300)
+    before = page.pixels()
+    tab.keyboard.press("Shift+B")
+    page.settled()
+    page.set("peak_nits", 4000)
+    page.set("strength", 1)
+    changed = page.pixels()
+    assert changed != before
+    tab.keyboard.press("b")
+    page.until(lambda: page.pixels() == before, "B is not what was kept")
+    tab.keyboard.press("b")
+    for _ in range(2):
+        tab.keyboard.press("Control+z")
+        page.settled()
+    assert page.pixels() == before, "undo does not lead back"
+    tab.keyboard.press("Control+y")
+    tab.keyboard.press("Control+y")
+    page.settled()
+    assert page.pixels() == changed
+    tab.keyboard.press("v")
+    presets = tab.evaluate("fetch('api/about').then((r) => r.json())")["presets"]
+    sheet = tab.locator("#sheet button")
+    page.until(lambda: sheet.count() == len(presets), "not all presets were tried")
+    tab.click("#sheet button:has(b:text-is('paper'))")
+    page.until(lambda: tab.input_value("#preset") == "paper", "the variant was not taken")
+    page.settled()
+    assert page.told == []
+
+
+def test_it_plays_a_loop(browser: Any, address: str) -> None:
+    page = Page(browser, address)
+    tab = page.tab
+    page.go(5)
+    tab.keyboard.press("p")
+    seen: set[str] = set()
+
+    def moves() -> bool:
+        seen.add(page.stage()["frame"])
+        return len(seen) > 10
+
+    page.until(moves, "it does not play")
+    tab.keyboard.press(" ")
+    tab.wait_for_timeout(200)
+    page.settled()
+    assert page.told == []
+
+
+@pytest.mark.parametrize("width", [420, 1600, 2560])
+def test_nothing_is_cut_off(browser: Any, address: str, width: int) -> None:
+    page = Page(browser, address, width, 900)
+    wide = page.tab.evaluate(
+        "[...document.querySelectorAll('body, #stage, #side, .tools, .transport, .panel')]"
+        ".map((e) => e.scrollWidth - e.clientWidth)"
+    )
+    assert max(wide) <= 0, "something has to be scrolled sideways"
+    unnamed = page.tab.evaluate(
+        """[...document.querySelectorAll('button, select, input, canvas')].filter((e) =>
+          !(e.ariaLabel || e.title || e.textContent.trim() || e.labels?.length || e.ariaHidden
+            || e.id === 'overlay')).map((e) => e.outerHTML)"""
+    )
+    assert unnamed == [], "controls without a name for screen readers"
