@@ -70,7 +70,7 @@ def test_the_command_tells_each_shot(
     clip, out = folder
     assert main(["evaluate", str(out), "--source", str(clip), "--json"]) == 0
     told = json.loads(capsys.readouterr().out)
-    assert [(s["first"], s["last"]) for s in told["shots"]] == [(0, 7), (8, 15)]
+    assert [(s["first"], s["last"]) for s in told["shots"]] == [(1, 8), (9, 16)]
     assert told["clip"]["gain_flicker"] < 0.1
     assert told["clip"]["map_flicker"] is not None
 

@@ -10,6 +10,7 @@ from itmo_video.cli.run_flags import OF_ANALYSE
 from itmo_video.cli.settings_flags import add_settings, settings_of
 from itmo_video.conversion.run_options import RunOptions
 from itmo_video.settings import Settings
+from itmo_video.words import counted
 
 if TYPE_CHECKING:
     from itmo_video.analysis.model import Analysis
@@ -88,8 +89,8 @@ def in_words(analysis: Analysis) -> str:
     """The findings in a few lines."""
     statistics, bars = analysis.statistics, analysis.bars
     lines = [
-        f"{analysis.frames} frames, {len(analysis.shots)} shots, "
-        f"{len(analysis.keyframes)} keyframes",
+        f"{counted(analysis.frames, 'frame')}, {counted(len(analysis.shots), 'shot')}, "
+        f"{counted(len(analysis.keyframes), 'keyframe')}",
         f"luminance: mean {statistics.mean:.3f}, median {statistics.p50:.3f}, "
         f"99 % {statistics.p99:.3f}; {statistics.clipped:.2%} clipped",
     ]

@@ -8,6 +8,7 @@ import time
 from typing import TextIO
 
 from itmo_video.events import Event, Finished, FrameDone, Warned, as_json
+from itmo_video.words import counted
 
 
 class Progress:
@@ -36,9 +37,9 @@ class Progress:
     def _sum_up(self, event: Finished) -> None:
         if self._on_terminal:
             print(file=self._stream)
-        present = f", {event.present} were there" if event.present else ""
+        present = f", {event.present} there before" if event.present else ""
         print(
-            f"itmo-video: {event.written} frames made{present}, "
+            f"itmo-video: {counted(event.written, 'frame')} made{present}, "
             f"{event.seconds:.1f} s, {event.bytes_written / 1e6:.1f} MB",
             file=self._stream,
         )

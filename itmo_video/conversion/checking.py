@@ -14,6 +14,7 @@ from itmo_video.output import disk_space
 from itmo_video.output.folder import OutputFolder, free_bytes
 from itmo_video.settings import Settings
 from itmo_video.source.opening import input_options, open_clip
+from itmo_video.words import counted
 
 
 def describe_plan(
@@ -29,17 +30,18 @@ def describe_plan(
         raise _other_settings(others, folder)
     width, height = plan.clip.display_size
     needed = 0 if run.null else len(todo) * plan.estimated_frame_bytes
+    frames = counted(len(plan.numbers), "frame")
+    keys = counted(len(keys_on_grid(plan)), "keyframe")
     lines = [
-        f"{len(plan.numbers)} frames ({format_ranges(plan.numbers)}) of {width}x{height}, "
+        f"{frames} ({format_ranges(plan.numbers)}) of {width}x{height}, "
         f"{len(plan.numbers) - len(todo)} of them there already",
-        f"{len(keys_on_grid(plan))} keyframes on the grid of {plan.settings.key_reach}, "
-        "and two more at each cut",
+        f"{keys} on the grid of {plan.settings.key_reach}, and two more at each cut",
         f"at most {plan.memory_bytes / 1e6:.0f} MB of memory with {plan.jobs} jobs",
         f"about {disk_space.in_words(needed)} on the disk, "
         f"{disk_space.in_words(free_bytes(folder.path))} are free",
     ]
     if plan.shots:
-        lines.append(f"{len(plan.shots)} shots with settings of their own")
+        lines.append(f"{counted(len(plan.shots), 'shot')} with settings of their own")
     if not run.null and (short := _shortage(plan, folder, len(todo))):
         lines.append(f"warning: {short}")
     return "\n".join(lines)

@@ -24,6 +24,7 @@ from itmo_video.rendering import spans
 from itmo_video.rendering.frame import Rendered
 from itmo_video.settings import Settings
 from itmo_video.source.opening import Clip, input_options, open_clip
+from itmo_video.words import counted, missing
 
 
 @dataclass
@@ -171,11 +172,12 @@ def _damage(
     if summary.damaged:
         told.append(f"frames {format_ranges(summary.damaged)} are damaged in the source")
     if cut_short > 0:
-        told.append(f"the file is cut short: {cut_short} frames are missing at its end")
+        told.append(f"the file is cut short: {missing(cut_short, 'frame')} at its end")
+    made = counted(summary.written + summary.present, "frame")
     return DamagedInputError(
         "; ".join(told),
         where=plan.clip.path,
-        remedy=f"All that decodes was converted: {summary.written + summary.present} frames.",
+        remedy=f"All that decodes was converted: {made}.",
     )
 
 

@@ -16,6 +16,7 @@ from itmo_video.rendering import spans
 from itmo_video.rendering.frame import Rendered
 from itmo_video.settings import Settings
 from itmo_video.source.opening import input_options, open_clip
+from itmo_video.words import counted
 
 
 def from_clip(source: Path, settings: Settings, run: RunOptions) -> Pictures:
@@ -47,7 +48,9 @@ def from_clip(source: Path, settings: Settings, run: RunOptions) -> Pictures:
             )  # fmt: skip
             pictures.damage += [error.what for error in ended]
             if made < len(wanted):
-                pictures.damage.append(f"{len(wanted) - made} frames could not be decoded")
+                pictures.damage.append(
+                    f"{counted(len(wanted) - made, 'frame')} could not be decoded"
+                )
 
         longest = max(own.settings.key_reach for own in plan.looks)
         return run_in_order(make, plan.jobs * (longest + 1))

@@ -34,6 +34,7 @@ from itmo_video.output.gate import FILM, STILL, Gate
 from itmo_video.presets import make_settings
 from itmo_video.settings import Settings
 from itmo_video.source.opening import input_files, is_film
+from itmo_video.words import counted
 
 STILLS = (".avif", ".png", ".jpg", ".jpeg")
 
@@ -123,7 +124,9 @@ def preview(
     )
     if pictures.damage:
         raise DamagedInputError(
-            "; ".join(pictures.damage), where=str(source), remedy=f"{frames} frames were shown."
+            "; ".join(pictures.damage),
+            where=str(source),
+            remedy=f"{counted(frames, 'frame')} shown.",
         )
     return summary
 

@@ -36,7 +36,7 @@ METRICS = (
 
 @dataclass
 class Shot:
-    """A shot's frames (first and last index) and figures; NaN where one cannot be measured."""
+    """A shot's first and last frame, by their files' numbers, and figures; NaN for unknown."""
 
     first: int
     last: int
@@ -81,7 +81,10 @@ def flicker_by_shot(
             running = _Running(frame.index, origins, interval)
         running.add(frame)
         on_event(FrameDone(sequence.first_number + frame.index, done, len(sequence.files)))
-    return shots if running is None else [*shots, running.shot()]
+    if running is not None:
+        shots.append(running.shot())
+    start = sequence.first_number
+    return [Shot(shot.first + start, shot.last + start, shot.figures) for shot in shots]
 
 
 def over_shots(shots: Sequence[Shot]) -> dict[str, float]:
@@ -152,7 +155,7 @@ def _frames(sequence: ExrSequence, source: Path) -> Iterator[_Seen]:
             starts_shot = False
     if unseen:
         raise InputError(
-            f"it has no frame {min(unseen)}, counted from 0, for {files[min(unseen)].name}",
+            f"it has no frame for {files[min(unseen)].name}",
             where=str(source),
             remedy="Is it the clip that the folder was made of?",
         )

@@ -66,7 +66,7 @@ def agreement_table(rows: Mapping[str, Agreement]) -> str:
 
 
 def flicker_table(shots: Sequence[Shot], clip: Mapping[str, float]) -> str:
-    """A line a shot, numbered by source frames from 0, and one for the clip."""
+    """A line a shot, numbered as in the file names, and one for the clip."""
     rows = [[f"shot {s.first}-{s.last}", *(_cell(v, 5) for v in s.figures.values())] for s in shots]
     return _table(["", *clip], [*rows, ["clip", *(_cell(value, 5) for value in clip.values())]])
 

@@ -27,6 +27,7 @@ from itmo_video.output.folder import Manifest
 from itmo_video.output.gate import PAGE, Gate
 from itmo_video.source.facts import clip_facts
 from itmo_video.source.opening import input_files
+from itmo_video.words import counted
 
 MAX_FRAMES = 24
 MAX_WIDTH = 640
@@ -151,8 +152,9 @@ def render_page(
 
 def _headline(pictures: Pictures) -> str:
     width, height = pictures.size
+    frames = counted(len(pictures.numbers), "frame")
     return (
-        f"{len(pictures.numbers)} frames ({format_ranges(pictures.numbers)}), {width}x{height}, "
+        f"{frames} ({format_ranges(pictures.numbers)}), {width}x{height}, "
         f"{float(pictures.frame_rate):g} frames a second, white {pictures.white_nits:g} nits, "
         f"peak {pictures.peak_nits:g} nits"
     )

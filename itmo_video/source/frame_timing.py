@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from itmo_video import words
 from itmo_video.source.packets import Packets, packet_step
 
 
@@ -56,7 +57,7 @@ def timing_notices(packets: Packets, rate: Fraction, is_vfr: bool) -> list[str]:
         )
     missing = (packets.declared or 0) - len(packets.pts)
     if missing > 0:
-        told.append(f"it is cut short: {missing} frames are missing at its end")
+        told.append(f"it is cut short: {words.missing(missing, 'frame')} at its end")
     return told
 
 

@@ -18,6 +18,7 @@ from itmo_video.source.planes import upright
 from itmo_video.source.still_picture import StillPicture
 from itmo_video.source.still_reading import kind_of, read_still
 from itmo_video.source.tags import InputOptions
+from itmo_video.words import missing
 
 STILL_RATE = Fraction(24)  # images have no rate of their own
 _NUMBER = re.compile(r"%0?(\d*)d|#+")
@@ -59,7 +60,7 @@ class StillClip(Clip):
             if len(files) < count:
                 gaps = sorted(set(range(self._first, self._first + count)) - set(self._files))
                 named = ", ".join(map(str, gaps[:8])) + ", ..." * (len(gaps) > 8)
-                notices.append(f"{len(gaps)} numbers of the sequence are missing: {named}")
+                notices.append(f"of the sequence {missing(len(gaps), 'number')}: {named}")
         width, height = picture.size
         self.info = ClipInfo(
             path=str(path),

@@ -1,0 +1,13 @@
+"""Counts in messages as people say them."""
+
+from __future__ import annotations
+
+
+def counted(count: int, noun: str) -> str:
+    """`1 frame`, `2 frames`; for nouns that take an s."""
+    return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
+
+
+def missing(count: int, noun: str) -> str:
+    """`1 frame is missing`, `2 frames are missing`."""
+    return f"{counted(count, noun)} {'is' if count == 1 else 'are'} missing"
