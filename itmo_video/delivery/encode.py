@@ -21,10 +21,11 @@ import numpy as np
 from itmo_video.colour import primaries
 from itmo_video.delivery import metadata
 from itmo_video.delivery.hdr import Chroma, Codes10, Light
+from itmo_video.delivery.sound import Sound
 from itmo_video.errors import ItmoError, OutputError, UsageError
 from itmo_video.output.atomic import temp_path
 from itmo_video.output.gate import Gate
-from itmo_video.source.packets import TAG_ERRORS, open_container, open_video
+from itmo_video.source.packets import TAG_ERRORS, open_video
 
 Codec = Literal["av1", "hevc", "prores"]
 Signal = Literal["pq", "hlg", "sdr"]
@@ -71,9 +72,9 @@ def default_chroma(codec: Codec) -> Chroma:
     return "422" if codec == "prores" else "420"
 
 
-def source_time_base(path: Path) -> Fraction:
+def source_time_base(path: Path, number: int | None = None) -> Fraction:
     """The unit that a film's video time stamps are counted in, in seconds; raises InputError."""
-    with open_video(path, _MAX_PIXELS) as (_, stream):
+    with open_video(path, _MAX_PIXELS, number) as (_, stream):
         return Fraction(stream.time_base or Fraction(1, 90000))
 
 
@@ -101,8 +102,9 @@ class FilmWriter:
     """Writes a film under a temporary name; `finish` completes it and puts it through its gate.
 
     In `with`, a film that is not finished is removed. Sound and chapters are copied from `source`
-    as they are; InputError where it is no regular file in a known container. With `start_s` the
-    film is a part: times count from there, sound before it and after the last frame is left out.
+    as they are; InputError where it is no regular file in a known container. `first_s` is the first
+    frame's time in the source. A whole film begins at 0, whenever its source does; of a part, sound
+    before it and after the last frame is left out. `notices` says what is not copied.
     """
 
     def __init__(
@@ -110,30 +112,34 @@ class FilmWriter:
         gate: Gate,
         spec: FilmSpec,
         source: Path | None = None,
-        start_s: Fraction | None = None,
+        first_s: Fraction = Fraction(0),
+        *,
+        is_whole: bool = True,
+        stream: int | None = None,
     ) -> None:
         path = gate.path
         check_film(path, spec)
         self._gate, self.path, self.spec = gate, path, spec
-        self._is_whole = start_s is None
-        self._start_s = start_s or Fraction(0)
+        self._is_whole = is_whole
+        self._start_s = first_s
+        self.notices: list[str] = []
         self._temp = temp_path(path.absolute())
         self._last_pts: int | None = None
         self._end_s: Fraction | None = None
         muxer = _MUXERS[path.suffix.lower()]
         # A check sum of Matroska's would not know of the completed metadata.
         options = {"write_crc32": "0"} if muxer == "matroska" else {}
-        self._source = None
+        self._source: Sound | None = None
         try:
             self._box: Any = av.open(
                 os.fspath(self._temp), "w", format=muxer, options=options, **TAG_ERRORS
             )
             self._stream = self._add_video()
-            self._sound: Iterator[Any] = iter(())
-            self._waiting: Any = None
+            self._sound: Iterator[tuple[Any, Fraction]] = iter(())
+            self._waiting: tuple[Any, Fraction] | None = None
             if source is not None:
-                self._source = open_container(source, _MAX_PIXELS)
-                self._add_sound()
+                self._source = Sound(source, self._box, stream)
+                self._add_sound(self._source)
         except ItmoError:
             self.close()
             raise
@@ -214,17 +220,15 @@ class FilmWriter:
             context.open()
         return stream
 
-    def _add_sound(self) -> None:
-        source: Any = self._source
-        self._targets = {
-            stream.index: self._box.add_stream_from_template(stream)
-            for stream in source.streams.audio
-        }
+    def _add_sound(self, source: Sound) -> None:
+        self.notices += source.notices
         chapters = source.chapters()
         if chapters and self._is_whole:
             self._box.set_chapters(chapters)
-        if self._targets:
-            self._sound = iter(source.demux(*source.streams.audio))
+        if self._is_whole:
+            # Captures begin at any time; sound that is primed before 0 stays as it is.
+            self._start_s = max(Fraction(0), min(self._start_s, source.first_s))
+        self._sound = source.packets()
 
     def _mux(self, packets: list[Any]) -> None:
         for packet in packets:
@@ -235,16 +239,14 @@ class FilmWriter:
     def _mux_sound(self, until_s: Fraction | None) -> None:
         """Copy the sound's packets that begin before `until_s` (source time)."""
         while True:
-            packet = self._waiting if self._waiting is not None else next(self._sound, None)
-            if packet is None:
+            found = self._waiting if self._waiting is not None else next(self._sound, None)
+            if found is None:
                 return
             self._waiting = None
-            if packet.pts is None or packet.size == 0:
-                continue
+            packet, at = found
             base = Fraction(packet.time_base)
-            at = packet.pts * base
             if until_s is not None and at >= until_s:
-                self._waiting = packet
+                self._waiting = found
                 return
             # A codec's priming before 0 belongs to the sound of a whole film.
             if not self._is_whole and at + (packet.duration or 0) * base <= self._start_s:
@@ -253,7 +255,6 @@ class FilmWriter:
             packet.pts -= shift
             if packet.dts is not None:
                 packet.dts -= shift
-            packet.stream = self._targets[packet.stream.index]
             self._box.mux(packet)
 
 

@@ -58,6 +58,7 @@ def from_clip(source: Path, settings: Settings, run: RunOptions) -> Pictures:
     pictures = Pictures(
         info.display_size, info.frame_rate, info.pixel_aspect, settings.white_nits,
         max(peak_nits_of(own.settings) for own in plan.looks), settings.primaries,
-        sorted(plan.numbers), source, mapped, notices=plan.notices,
+        sorted(plan.numbers), source, mapped, stream=settings.stream,
+        notices=plan.notices,
     )  # fmt: skip
     return pictures

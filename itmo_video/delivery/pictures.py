@@ -34,8 +34,9 @@ Work = Callable[[Picture], T]
 class Pictures:
     """A film's pictures and what is said of all of them; `mapped` makes something of each.
 
-    `damage` is filled while they are made: what was cut short or missing; `notices` is what people
-    should be told before.
+    `stream` is the number of the source's video stream that was asked for. `damage` is filled
+    while they are made: what was cut short or missing; `notices` is what people should be told
+    before.
     """
 
     size: tuple[int, int]
@@ -47,6 +48,7 @@ class Pictures:
     numbers: Sequence[int]
     clip: Path | None
     _mapped: Callable[[Callable[[Picture], Any]], Iterator[Any]]
+    stream: int | None = None
     damage: list[str] = field(default_factory=list)
     notices: tuple[str, ...] = ()
 

@@ -237,9 +237,14 @@ def _film(
             raise DamagedInputError("no frame could be made", where=str(pictures.clip))
         height, width = first.planes[0].shape
         spec = replace(spec, width=width, height=height)
-        start = first.time_s if run.frames is not None else None
         film = pictures.clip if pictures.clip and is_film(pictures.clip) else None
-        with FilmWriter(gate, spec, film, start) as writer:
+        sound = None if options.no_audio else film
+        is_whole = run.frames is None
+        with FilmWriter(
+            gate, spec, sound, first.time_s, is_whole=is_whole, stream=pictures.stream
+        ) as writer:
+            for notice in writer.notices:
+                on_event(Warned(notice))
             for shot, length in _with_durations(first, shots):
                 writer.write(shot.planes, shot.time_s, length)
                 lights.append(shot.light)
@@ -266,7 +271,7 @@ def _with_durations(
 def _time_base(pictures: Pictures) -> Fraction:
     """The source's unit of time where it is known, so that its stamps stay exact."""
     if pictures.clip is not None and is_film(pictures.clip):
-        return encode.source_time_base(pictures.clip)
+        return encode.source_time_base(pictures.clip, pictures.stream)
     rate = pictures.frame_rate.numerator
     common = rate * 90000 // gcd(rate, 90000)
     return Fraction(1, common if common < 2**31 else 90000)

@@ -12,7 +12,7 @@ View = Literal["hdr10", "hlg", "sdr", "compare", "false-colour", "ladder"]
 OF_VIEW = (
     "view", "frame", "tone_map", "layout", "wipe_at", "hdr_compare", "scale", "clip",
 )  # fmt: skip
-OF_ENCODING = ("codec", "chroma", "crf", "speed")
+OF_ENCODING = ("no_audio", "codec", "chroma", "crf", "speed")
 
 
 @dataclass(frozen=True)
@@ -50,6 +50,7 @@ class PreviewOptions:
     clip: Path | None = option(
         None, Path, "a folder's source: sound, compare", flag="source", metavar="CLIP"
     )
+    no_audio: bool = option(False, bool, "leave the source's sound out of the film")
     codec: Literal["av1", "hevc", "prores"] = option(
         "av1", str, "of a film", choices=("av1", "hevc", "prores")
     )

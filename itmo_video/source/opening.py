@@ -25,13 +25,8 @@ from itmo_video.source.video import VideoClip
 def open_clip(path: str | Path, options: InputOptions | None = None) -> Clip:
     """Open a video file, a still image or a numbered sequence (`img.%04d.png`, `img.####.png`).
 
-    With `options.fps` it is resampled to that rate. Raises InputError when it cannot be read and
-    AlreadyHdrError when it is HDR already.
-
-    >>> from itmo_video import open_clip
-    >>> with open_clip("clip.mkv") as clip:
-    ...     clip.info.display_size, [frame.index for frame in clip.frames()]
-    ((96, 64), [0, 1, 2])
+    With `options.fps` it is resampled to that rate; a sequence of images has it. Raises InputError
+    when it cannot be read and AlreadyHdrError when it is HDR already.
     """
     options = options or InputOptions()
     absolute = Path(os.path.abspath(path))
@@ -47,7 +42,9 @@ def open_clip(path: str | Path, options: InputOptions | None = None) -> Clip:
             clip = AnimationClip(absolute, kind, timed, options)
         else:
             clip = StillClip(absolute, {0: absolute}, options)
-    return clip if options.fps is None else Resampled(clip, Fraction(options.fps))
+    if options.fps is None or isinstance(clip, StillClip):  # images have no times of their own
+        return clip
+    return Resampled(clip, Fraction(options.fps))
 
 
 def input_files(path: str | Path) -> list[Path]:

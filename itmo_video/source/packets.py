@@ -32,7 +32,7 @@ TAG_ERRORS: dict[str, Any] = (
 )
 
 
-_BROADCAST = ("mpegts", "mpeg")
+BROADCAST = ("mpegts", "mpeg")
 _JUMP_S = 10  # stamps further apart than this in a broadcast stream are a join
 
 
@@ -166,7 +166,7 @@ class Jumps:
         name = str(stream.container.format.name)
         self.found = False
         self._last: int | None = None
-        self._reach = round(_JUMP_S / Fraction(stream.time_base)) if name in _BROADCAST else None
+        self._reach = round(_JUMP_S / Fraction(stream.time_base)) if name in BROADCAST else None
 
     def see(self, stamp: int | None) -> bool:
         """Whether this stamp jumps from the one before."""

@@ -41,6 +41,7 @@ class StillClip(Clip):
         self.faults: dict[int, str] = {}
         self._source = SourceFiles(self._files.values(), PICTURE_BYTES)
         self._first = min(files)
+        self._rate = Fraction(options.fps or STILL_RATE)
         self._is_single = list(files.values()) == [path]
         found = next(filter(None, (self._read(n, file) for n, file in self._files.items())), None)
         if found is None:
@@ -55,12 +56,12 @@ class StillClip(Clip):
             notices.append(
                 f"turned upright: {'mirrored, then ' * turn[1]}{turn[0]} degrees clockwise"
             )
-        if not self._is_single:
+        if not self._is_single and options.fps is None:
             notices.append(f"images have no frame rate: assumed {STILL_RATE} (--fps sets another)")
-            if len(files) < count:
-                gaps = sorted(set(range(self._first, self._first + count)) - set(self._files))
-                named = ", ".join(map(str, gaps[:8])) + ", ..." * (len(gaps) > 8)
-                notices.append(f"of the sequence {missing(len(gaps), 'number')}: {named}")
+        if len(files) < count:
+            gaps = sorted(set(range(self._first, self._first + count)) - set(self._files))
+            named = ", ".join(map(str, gaps[:8])) + ", ..." * (len(gaps) > 8)
+            notices.append(f"of the sequence {missing(len(gaps), 'number')}: {named}")
         width, height = picture.size
         self.info = ClipInfo(
             path=str(path),
@@ -71,8 +72,8 @@ class StillClip(Clip):
             width=width,
             height=height,
             frames=count,
-            frame_rate=STILL_RATE,
-            duration_s=count / STILL_RATE,
+            frame_rate=self._rate,
+            duration_s=count / self._rate,
             is_vfr=False,
             pixel_aspect=Fraction(1),
             rotation_deg=turn[0],
@@ -107,8 +108,8 @@ class StillClip(Clip):
             yield frame
 
     def time_s(self, index: int) -> Fraction:
-        """Presentation time at the assumed rate."""
-        return index / STILL_RATE
+        """Presentation time at the rate that is set, or assumed."""
+        return index / self._rate
 
     def _read(self, number: int, file: Path) -> tuple[Frame, StillPicture, tuple[str, ...]] | None:
         """One image as a frame, with what it was decoded to; None when it does not decode."""
@@ -131,7 +132,7 @@ class StillClip(Clip):
             return None
         done, encoding, told = still_colour.resolve(picture, self._options, str(file))
         planes, encoding = upright(done.planes, picture.turn, encoding)
-        return Frame(index, index / STILL_RATE, planes, encoding), picture, told
+        return Frame(index, index / self._rate, planes, encoding), picture, told
 
 
 def sequence(path: Path) -> dict[int, Path]:

@@ -1,0 +1,103 @@
+"""A source's sound and chapters for a film made of it: copied as they are, at the film's times."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+from itmo_video.source.packets import BROADCAST, Jumps, open_container
+from itmo_video.source.streams import choose_video
+
+_MAX_PIXELS = 2**27  # of a source that only its sound and its stamps are read of
+# QuickTime's name of a track is what others call its title.
+_KEPT_TAGS = {"language": "language", "name": "title", "title": "title", "comment": "comment"}
+_KEPT_FLAGS = 0x1FF  # default, dub, original, comment, lyrics, karaoke, forced, impaired
+
+
+class Sound:
+    """The sound tracks of an open source, added to a film; `packets` gives them in order.
+
+    Tracks of a codec that FFmpeg does not know are left out; `notices` says so. `first_s` is when
+    the first sound begins, in the time that the source's frames are counted in.
+    """
+
+    def __init__(self, source: Path, film: Any, stream: int | None = None) -> None:
+        self._box: Any = open_container(source, _MAX_PIXELS)
+        self.notices: list[str] = []
+        self._targets: dict[int, Any] = {}
+        audio = list(self._box.streams.audio)
+        for track in audio:
+            if track.codec_context is None:
+                self.notices.append(
+                    f"sound track {track.index} is left out: its codec is not known to FFmpeg"
+                )
+                continue
+            target = film.add_stream_from_template(track)
+            for name, kept in _KEPT_TAGS.items():
+                if track.metadata.get(name):
+                    target.metadata[kept] = track.metadata[name]
+            target.disposition = type(track.disposition)(int(track.disposition) & _KEPT_FLAGS)
+            self._targets[track.index] = target
+        self._streams = [track for track in audio if track.index in self._targets]
+        video, _ = choose_video(self._box, stream, str(source))
+        self._is_joined = bool(self._streams) and _is_joined(source, video)
+        starts = [s.start_time * Fraction(s.time_base) for s in self._streams if s.start_time]
+        zero = (video.start_time or 0) * Fraction(video.time_base)
+        self._zero_s = zero if self._is_joined else Fraction(0)
+        self.first_s = min(starts, default=zero) - self._zero_s
+
+    def chapters(self) -> list[Any]:
+        """The source's chapters."""
+        return list(self._box.chapters())
+
+    def packets(self) -> Iterator[tuple[Any, Fraction]]:
+        """Each packet, its stream set to the film's, and when it begins, in the source's time."""
+        if not self._streams:
+            return
+        joins = {s.index: _Join(s) for s in self._streams}
+        for packet in self._box.demux(*self._streams):
+            if packet.pts is None or packet.size == 0:
+                continue
+            base, index = Fraction(packet.time_base), packet.stream.index
+            if self._is_joined:
+                shift = joins[index].shift(packet) - round(self._zero_s / base)
+                packet.pts += shift
+                if packet.dts is not None:
+                    packet.dts += shift
+            packet.stream = self._targets[index]
+            yield packet, packet.pts * base
+
+    def close(self) -> None:
+        """Close the source."""
+        self._box.close()
+
+
+class _Join:
+    """Brings the stamps of joined captures into one time, ticks of one track."""
+
+    def __init__(self, stream: Any) -> None:
+        self._jumps, self._shift, self._end = Jumps(stream), 0, 0
+
+    def shift(self, packet: Any) -> int:
+        """What to add to this packet's stamps, so that it follows the one before."""
+        if self._jumps.see(packet.pts):
+            self._shift = self._end - packet.pts
+        self._end = packet.pts + self._shift + (packet.duration or 0)
+        return self._shift
+
+
+def _is_joined(source: Path, video: Any) -> bool:
+    """Whether the stamps of a broadcast file's film jump, so that its frames are counted."""
+    if str(video.container.format.name) not in BROADCAST:
+        return False
+    jumps = Jumps(video)
+    box: Any = open_container(source, _MAX_PIXELS)
+    try:
+        for packet in box.demux(box.streams[video.index]):
+            if packet.size and jumps.see(packet.dts if packet.dts is not None else packet.pts):
+                return True
+    finally:
+        box.close()
+    return False
