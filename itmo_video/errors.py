@@ -2,7 +2,15 @@
 
 
 class ItmoError(Exception):
-    """Base of every expected failure; `str()` is the one or two lines shown to the user."""
+    """Base of every expected failure; `str()` is the one or two lines shown to the user.
+
+    >>> from itmo_video import ItmoError, convert
+    >>> try:
+    ...     convert("nothing.mp4", "out")
+    ... except ItmoError as error:
+    ...     type(error).__name__, error.exit_code
+    ('InputError', 3)
+    """
 
     exit_code = 1
 

@@ -32,6 +32,12 @@ class Encoding:
 
     `origins` tells for "matrix", "range", "transfer" and "primaries" whether the value comes from
     the file's tags, is assumed, or was set by the user.
+
+    >>> from itmo_video import open_clip
+    >>> with open_clip("photo.png") as clip:
+    ...     encoding = clip.info.encoding
+    >>> encoding.family, encoding.transfer, encoding.origins["transfer"]
+    ('rgb', 'srgb', 'assumed')
     """
 
     family: Family
@@ -60,6 +66,11 @@ class ClipInfo:
     Sizes are in pixels as stored, before `rotation_deg` (clockwise, to be applied for display) and
     `flip` (mirrored left-right, applied before the rotation); `frames` counts what is presented.
     `frames_declared` is how many the container speaks of: more than `frames` where it is cut short.
+
+    >>> from itmo_video import open_clip
+    >>> with open_clip("clip.mkv") as clip:
+    ...     clip.info.frames, clip.info.display_size, str(clip.info.frame_rate)
+    (3, (96, 64), '24')
     """
 
     path: str
@@ -100,6 +111,12 @@ class Frame:
     smaller. They are for reading only, and their lines may lie apart. `index` counts the source's
     frames in presentation order from 0; `time_s` is its presentation time in seconds, as the file
     has it.
+
+    >>> from itmo_video import open_clip
+    >>> with open_clip("photo.png") as clip:
+    ...     frame = next(clip.frames())
+    >>> [plane.shape for plane in frame.planes], frame.size
+    ([(64, 96), (64, 96), (64, 96)], (96, 64))
     """
 
     index: int

@@ -86,7 +86,8 @@ def test_each_command_tells_the_library_typed_events(tmp_path: Path) -> None:
 
     told.clear()
     preview(clip, tmp_path / "film.mp4", on_event=told.append)
-    assert [type(event) for event in told] == [Started, FrameDone, FrameDone, FrameDone, Finished]
+    kinds = [type(event) for event in told if not isinstance(event, Warned)]
+    assert kinds == [Started, FrameDone, FrameDone, FrameDone, Finished]
     assert isinstance(told[-1], Finished)
     assert (told[-1].max_cll or 0) > 100
 

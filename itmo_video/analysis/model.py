@@ -87,6 +87,11 @@ class Analysis:
 
     `cuts` are the first frames of all shots but the first; `times_s` the presentation time of each
     frame that decodes; `where` is the file that it was read from.
+
+    >>> from itmo_video import analyse
+    >>> found = analyse("clip.mkv")
+    >>> found.frames, found.cuts, found.keyframes[0]
+    (3, (), 1)
     """
 
     source_name: str

@@ -33,6 +33,12 @@ class Expanded:
     `rgb` is linear light, float16 (H, W, 3), in the primaries that `settings` name; 1.0 is SDR
     white, `settings.white_nits` cd/m2. `layers` are planes (H, W) by name, as `settings.layers`
     asked for: expand_map, gain, clip_mask. `index` counts the source's pictures from 0.
+
+    >>> import numpy as np
+    >>> from itmo_video import expand
+    >>> hdr = expand(np.full((32, 32, 3), 128, np.uint8))
+    >>> hdr.index, hdr.rgb.shape, hdr.settings.white_nits, hdr.alpha
+    (0, (32, 32, 3), 203.0, None)
     """
 
     index: int

@@ -18,6 +18,12 @@ class Result(Mapping[int, Expanded]):
 
     Pictures are read when they are asked for, and not kept. `converted` has more: paths, times,
     the source.
+
+    >>> from itmo_video import RunOptions, convert, open_result
+    >>> _ = convert("clip.mkv", "out", run=RunOptions(start_number=101))
+    >>> result = open_result("out")
+    >>> [(number, hdr.index) for number, hdr in result.items()], result.size
+    ([(101, 0), (102, 1), (103, 2)], (96, 64))
     """
 
     def __init__(self, converted: Converted) -> None:

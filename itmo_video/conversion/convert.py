@@ -29,7 +29,13 @@ from itmo_video.words import counted, missing
 
 @dataclass
 class Summary:
-    """What a conversion did."""
+    """What a conversion did: numbers of frames, of files; `missing` and `damaged` name them.
+
+    >>> from itmo_video import convert
+    >>> once, again = convert("clip.mkv", "out"), convert("clip.mkv", "out")
+    >>> (once.written, once.present), (again.written, again.present)
+    ((3, 0), (0, 3))
+    """
 
     wanted: int
     present: int

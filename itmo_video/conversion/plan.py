@@ -43,6 +43,13 @@ class Plan:
 
     `shots` are sorted and apart from each other; frames in none of them follow `look`. `notices` is
     what people should be told before.
+
+    >>> from itmo_video import RunOptions, Settings, open_clip
+    >>> from itmo_video.conversion.plan import make_plan
+    >>> from itmo_video.look import make_look
+    >>> with open_clip("clip.mkv") as clip:
+    ...     dict(make_plan(clip, make_look(Settings()), RunOptions(frames="2-3")).numbers)
+    {2: 1, 3: 2}
     """
 
     clip: ClipInfo

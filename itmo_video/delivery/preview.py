@@ -41,7 +41,12 @@ STILLS = (".avif", ".png", ".jpg", ".jpeg")
 
 @dataclass(frozen=True)
 class PreviewSummary:
-    """What a preview is: frames, seconds it took, and the film's MaxCLL and MaxFALL in nits."""
+    """What a preview is: frames, seconds it took, and the film's MaxCLL and MaxFALL in nits.
+
+    >>> from itmo_video import preview
+    >>> preview("clip.mkv", "film.mp4").frames
+    3
+    """
 
     frames: int
     seconds: float

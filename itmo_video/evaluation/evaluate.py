@@ -24,6 +24,10 @@ class Evaluation:
     With a reference: `fidelity` by row (the sequence, and the SDR clip as it is) on `display`, or
     `lighting` by row where panoramas were to light a scene. With the source: flicker by shot and
     over the `clip`. What was not asked for is empty.
+
+    >>> from itmo_video import Evaluation
+    >>> Evaluation({"pq_psnr_db": 38.5}).figures["pq_psnr_db"]
+    38.5
     """
 
     figures: Mapping[str, float]
@@ -42,9 +46,10 @@ def evaluate(test: str | Path, options: EvaluateOptions, on_event: OnEvent = ign
     not fit together, UsageError where an extra is missing, OutputError where a heat map may not be
     written.
 
+    >>> from pathlib import Path
     >>> from itmo_video import EvaluateOptions, convert, evaluate
     >>> _ = convert("clip.mkv", "out")
-    >>> found = evaluate("out", EvaluateOptions(source="clip.mkv"))
+    >>> found = evaluate("out", EvaluateOptions(source=Path("clip.mkv")))
     >>> 0 <= found.figures["gain_flicker"] < 0.1
     True
     """

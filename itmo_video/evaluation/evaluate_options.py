@@ -15,8 +15,9 @@ class EvaluateOptions:
 
     Validated when made; raises UsageError.
 
+    >>> from pathlib import Path
     >>> from itmo_video import EvaluateOptions
-    >>> EvaluateOptions(reference="truth", display_peak=600).display_peak
+    >>> EvaluateOptions(reference=Path("truth"), display_peak=600).display_peak
     600.0
     """
 

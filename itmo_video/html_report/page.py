@@ -44,9 +44,10 @@ def report(
     conversion, UsageError where the extra "report" is missing, and OutputError where the output may
     not be written over: a report at FOLDER/report.html may, all else only with `overwrite`.
 
+    >>> from pathlib import Path
     >>> from itmo_video import ReportOptions, convert, report
     >>> _ = convert("clip.mkv", "out")
-    >>> report("out", ReportOptions(clip="clip.mkv")).name
+    >>> report("out", ReportOptions(clip=Path("clip.mkv"))).name
     'report.html'
     """
     require_templates()

@@ -14,8 +14,9 @@ class ReportOptions:
 
     Validated when made; raises UsageError.
 
+    >>> from pathlib import Path
     >>> from itmo_video import ReportOptions
-    >>> ReportOptions(output="page.html").output.name
+    >>> ReportOptions(output=Path("page.html")).output.name
     'page.html'
     """
 

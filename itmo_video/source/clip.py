@@ -14,7 +14,13 @@ _ROUNDING_S = Fraction(1, 1000)  # Matroska's stamps are rounded to whole millis
 
 
 class Clip:
-    """An open source: `info` says what it is, `frames` reads it. Close it, or use `with`."""
+    """An open source: `info` says what it is, `frames` reads it. Close it, or use `with`.
+
+    >>> from itmo_video import open_clip
+    >>> with open_clip("clip.mkv") as clip:
+    ...     [(frame.index, str(frame.time_s)) for frame in clip.frames(1)]
+    [(1, '21/500'), (2, '83/1000')]
+    """
 
     info: ClipInfo
 
