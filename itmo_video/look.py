@@ -49,6 +49,8 @@ class Look:
         elif operator.make_map_rgb is not None:
             idle |= {*_OF_MAP, "edge_aware"}
             idle |= set() if settings.noise_guard else {"radius"}
+        if operator.make_map_rgb is None:
+            idle |= {"footage", "hue", "lamps"}
         if settings.temporal == "per-frame":
             idle.add("key_interval")
         if settings.temporal != "tracked":
@@ -79,4 +81,7 @@ def context_of(luminance: Float32 | None, look: Look) -> Context:
         settings.alpha,
         mean,
         stats,
+        settings.hue,
+        settings.lamps,
+        settings.footage,
     )

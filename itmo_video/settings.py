@@ -71,8 +71,23 @@ class Settings:
     )  # fmt: skip
     expand_map: bool = setting(True, bool, "weigh the expansion by the Expand Map")
     strength: float = setting(
-        1.0, float, "how much of the expansion is applied, 0 none; weighs it beside the map",
-        lower=0, upper=1, metavar="X",
+        1.0, float,
+        "how much of the expansion is applied: 0 none, 1 all, up to 2 more below the peak",
+        lower=0, upper=2, metavar="X",
+    )  # fmt: skip
+    footage: str = setting(
+        "auto", str,
+        "operator auto: how it was rendered to SDR, estimated for each shot or as you know it",
+        choices=("auto", "clipped", "tone-mapped"),
+    )  # fmt: skip
+    hue: str = setting(
+        "restore", str,
+        "operator auto: restore the colour of channels that clipped, or keep the camera's hue",
+        choices=("restore", "keep"),
+    )  # fmt: skip
+    lamps: float = setting(
+        1.0, float, "operator auto: brightness of small lights recorded below white; 0 leaves them",
+        lower=0, upper=4, metavar="X",
     )  # fmt: skip
     over_white: str = setting(
         "clip", str, "codes outside black to white: clipped, or kept and given white's gain",

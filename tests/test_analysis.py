@@ -111,7 +111,7 @@ def test_the_file_comes_back(found: Analysis, tmp_path: Path) -> None:
 
 BAD_SHOTS = [
     ({"peak_nit": 600}, "unknown peak_nit"),
-    ({"strength": 1.5}, "from 0 to 1"),
+    ({"strength": 2.5}, "from 0 to 2"),
     ({"strength": "high"}, "must be a number"),
     ({"key-interval": 0}, "from 1 to 60"),
     ({"operator": 7}, "operator must be"),
@@ -349,7 +349,7 @@ def test_at_the_command_line(clip: Path, tmp_path: Path) -> None:
     assert "3 shots" in done.stdout
     assert run("analyse", clip, "--output", file).returncode == 5, "edited by hand, perhaps"
     assert parse_analysis(run("analyse", clip).stdout, where="-") == read_analysis(file)
-    file.write_text(file.read_text().replace('"enabled": true', '"strength": 2', 1))
+    file.write_text(file.read_text().replace('"enabled": true', '"strength": 3', 1))
     done = run("convert", clip, tmp_path / "out", "--analysis", file)
     assert (done.returncode, "shot 1-17: strength" in done.stderr) == (3, True), done.stderr
 

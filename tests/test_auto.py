@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 
 from itmo_video import convert, make_settings
 from itmo_video.evaluation.fidelity import pq_psnr_db
-from itmo_video.operators import auto
+from itmo_video.operators import auto, auto_levels, auto_rendering
 from itmo_video.operators.base import Context
 from itmo_video.output.exr import read_exr
 
@@ -54,48 +54,112 @@ def lamps(height: int = 96, width: int = 160) -> np.ndarray:
 
 def test_features_equal_the_slow_ones() -> None:
     codes = np.random.default_rng(0).random((6, 8, 3), np.float32)
-    assert np.allclose(auto.features(codes, 5), slow_features(codes, 5), atol=1e-5)
+    assert np.allclose(auto_levels.features(codes, 5), slow_features(codes, 5), atol=1e-5)
 
 
 def test_srgb_codes_at_published_values() -> None:
     light = np.array([[[0.0, 0.0031308, 0.21404114], [0.5, 0.73791, 1.0]]], np.float32)
     want = [[[0.0, 0.0404499, 0.5], [0.7353569, 0.8745, 1.0]]]
-    assert np.allclose(auto.srgb_codes(light), want, atol=2e-4)
+    assert np.allclose(auto_levels.srgb_codes(light), want, atol=2e-4)
 
 
-@given(st.floats(0, 1), st.floats(0, 1), st.floats(0, 1), st.floats(1, 100))
-def test_gain_rises_with_the_channel_and_ends_at_the_peak(
-    low: float, high: float, weight: float, l_max: float
+def gain_of(rgb, maps=(), context=DISPLAY, ratio=None):
+    """gain_auto of pixels (n, 3), maps (n, 4): (n, 3)."""
+    planes = [np.ascontiguousarray(plane, np.float32)[None] for plane in np.asarray(rgb).T]
+    parts = [np.ascontiguousarray(part, np.float32)[None] for part in np.asarray(maps).T]
+    return np.stack([gain[0] for gain in auto.gain_auto(planes, ratio, parts, context)], 1)
+
+
+@given(st.floats(0, 1), st.floats(0, 1), st.floats(0, 1), st.floats(0, 1), st.floats(1, 100))
+def test_gain_of_grey_rises_and_never_passes_the_peak(
+    low: float, high: float, level: float, curve: float, l_max: float
 ) -> None:
     low, high = sorted((low, high))
-    channel = np.array([[low, high, 1.0, 0.0]], np.float32)
-    gain = auto.gain_auto(channel, np.full((1, 4), weight, np.float32), Context(l_max, l_max))
-    assert gain[0, 0] <= gain[0, 1] * (1 + 1e-6)
-    assert gain[0, 2] == pytest.approx(l_max**weight, rel=1e-4)
-    assert gain[0, 3] == 1
+    rgb = np.array([[low] * 3, [high] * 3, [1.0] * 3, [0.0] * 3], np.float32)
+    maps = np.tile([level, level, level, curve], (4, 1))
+    light = rgb * gain_of(rgb, maps, Context(l_max, l_max))
+    assert light[0, 0] <= light[1, 0] * (1 + 1e-5)
+    assert light.max() <= l_max * (1 + 1e-5)
+    assert light[2, 0] >= l_max**level * (1 - 1e-4)
+    assert light[3, 0] == 0
 
 
-def test_what_does_not_clip_is_left_as_it_is() -> None:
-    channel = np.linspace(0, 0.5, 64, dtype=np.float32).reshape(8, 8)
-    assert (auto.gain_auto(channel, None, DISPLAY) == 1).all()
-    just_above = auto.gain_auto(np.full((2, 3), 0.501, np.float32), None, DISPLAY)
-    assert np.allclose(just_above, 1, atol=1e-4), "the gate opens without a step"
+def test_eq_11_where_the_weight_is_one() -> None:
+    grey = np.linspace(0.01, 1, 50)
+    maps = np.tile([0, 0, 0, 1 / auto_rendering.GREATEST_WEIGHT], (50, 1))
+    light = grey * gain_of(np.tile(grey[:, None], (1, 3)), maps)[:, 0]
+    root = np.sqrt((1 - grey) ** 2 + 4 * grey / PEAK**2)
+    assert np.allclose(light, PEAK**2 / 2 * (grey - 1 + root), rtol=1e-4)
+
+
+@given(st.lists(st.floats(0, 0.96), min_size=3, max_size=3), st.floats(0, 1), st.floats(0, 1))
+def test_what_did_not_clip_keeps_its_chromaticity(
+    pixel: list[float], level: float, curve: float
+) -> None:
+    gain = gain_of([pixel], [[level, 0.5 * level, 0.2, curve]])[0]
+    assert gain.max() <= gain.min() * (1 + 1e-5)
+
+
+@given(st.lists(st.floats(0, 1), min_size=3, max_size=3), st.floats(0, 1), st.floats(0, 1))
+def test_the_camera_s_hue_is_kept_where_that_is_asked(
+    pixel: list[float], level: float, curve: float
+) -> None:
+    keep = Context(PEAK, PEAK, hue="keep")
+    gain = gain_of([pixel], [[level, 0.5 * level, 0.2, curve]], keep)[0]
+    assert gain.max() <= gain.min() * (1 + 1e-5)
 
 
 def test_a_map_of_zero_changes_nothing() -> None:
-    channel = np.linspace(0, 1, 64, dtype=np.float32).reshape(8, 8)
-    assert (auto.gain_auto(channel, np.zeros((8, 8), np.float32), DISPLAY) == 1).all()
+    rgb = np.random.default_rng(0).random((64, 3))
+    assert (gain_of(rgb, np.zeros((64, 4))) == 1).all()
+
+
+def shot(shoulder: bool) -> np.ndarray:
+    """A scene up to 8 times white as a camera clips it, or under Reinhard's curve: (H, W, 3)."""
+    rng = np.random.default_rng(2)
+    light = np.exp2(rng.uniform(-5, 3, (30, 40))).astype(np.float32)
+    light = cv2.resize(light, (160, 120), interpolation=cv2.INTER_CUBIC).clip(0.01, 8)
+    light = light * (1 + light / 64) / (1 + light) if shoulder else np.minimum(light, 1)
+    return np.dstack([light] * 3).astype(np.float32)
+
+
+def test_a_shoulder_is_told_from_clipping() -> None:
+    clipped, folded = (auto_rendering.rendering_of(shot(s)) for s in (False, True))
+    assert clipped.tone_mapped == 0
+    assert folded.tone_mapped == 1 or folded.white < auto_rendering.WHITE_FULL
+    assert "camera" in clipped.in_words(PEAK)
+
+
+def test_what_clipped_alone_on_a_wall_is_no_lamp() -> None:
+    wall = np.full((64, 64, 3), (0.9, 0.6, 0.45), np.float32)
+    wall[20, 20, 0] = 1
+    assert auto_rendering.known_clipped(wall).max() == 0
+    wall[40:44, 40:44, 0] = 1
+    known = auto_rendering.known_clipped(wall)
+    assert known[41, 41, 0] == 1
+    assert known[..., 1:].max() == 0
+
+
+def test_lamps_in_the_dark_are_found_and_a_wall_is_none() -> None:
+    picture = np.full((120, 200), 0.03, np.float32)
+    picture[50:53, 80:83] = 0.6
+    picture[:, 150:] = 0.7
+    found = auto_rendering.small_lights(picture)
+    assert found[51, 81] > 0.9
+    assert found[:, 160:].max() == 0
 
 
 def test_a_channel_that_does_not_clip_stays_as_it_was_recorded(tmp_path: Path) -> None:
     """A blue sky whose blue clips: red and green are known, and blue may only rise."""
     y = np.linspace(0, 1, 96)[:, None, None]
     sky = np.broadcast_to(np.array([0.16, 0.45, 1.0]) * (1 - 0.1 * y), (96, 160, 3))
-    codes = np.rint(255 * auto.srgb_codes(np.minimum(sky, 1).astype(np.float32))).astype(np.uint8)
+    codes = np.rint(255 * auto_levels.srgb_codes(np.minimum(sky, 1).astype(np.float32))).astype(
+        np.uint8
+    )
     convert(
         write_ffv1(tmp_path / "sky.mkv", [codes]),
         tmp_path / "out",
-        make_settings("auto", transfer="srgb", noise_guard=False),
+        make_settings(transfer="srgb", noise_guard=False),
     )
     rgb = read_exr(next((tmp_path / "out").glob("*.exr"))).channels
     code = codes.astype(np.float64) / 255
@@ -110,14 +174,14 @@ def test_map_of_any_size_lies_in_its_range(size: tuple[int, int]) -> None:
     rgb = np.random.default_rng(1).random((*size, 3), np.float32)
     for l_max in (1.0, 2.0, PEAK, 20.0, 100.0):
         made = auto.map_auto(rgb, Context(l_max, l_max))
-        assert made.shape == (*size, 3)
+        assert made.shape == (*size, 4)
         assert made.dtype == np.float32
         assert 0 <= made.min() <= made.max() <= 1
 
 
 def test_a_higher_peak_never_lowers_what_is_reached() -> None:
     stops = [
-        auto.map_auto(lamps(), Context(l_max, l_max)) * math.log2(l_max)
+        auto.map_auto(lamps(), Context(l_max, l_max))[..., :3] * math.log2(l_max)
         for l_max in (1.5, 2.0, PEAK, 10.0, 20.0, 60.0)
     ]
     for less, more in pairwise(stops):
@@ -156,12 +220,12 @@ def test_truth_on_scenes_that_the_fit_has_not_seen(tmp_path: Path) -> None:
         bgr = cv2.imread(str(SHARED / f"data/panoramas/{name}.hdr"), cv2.IMREAD_UNCHANGED)
         truth = bgr[109:379, 163:643, ::-1].astype(np.float64)
         truth /= np.percentile(truth @ BT709, 94)
-        codes = np.rint(255 * auto.srgb_codes(np.clip(truth, 0, 1).astype(np.float32)))
+        codes = np.rint(255 * auto_levels.srgb_codes(np.clip(truth, 0, 1).astype(np.float32)))
         clip = write_ffv1(tmp_path / f"{name}.mkv", [codes.astype(np.uint8)])
         errors = []
         for strength in (0.0, 1.0):
             out = tmp_path / f"{name}{strength:g}"
-            convert(clip, out, make_settings("auto", strength=strength, transfer="srgb"))
+            convert(clip, out, make_settings(strength=strength, transfer="srgb"))
             rgb = read_exr(next(out.glob("*.exr"))).channels
             got = sum(w * rgb[c].astype(np.float64) for w, c in zip(BT709, "RGB", strict=True))
             test, want = (np.clip(203 * y, 0.005, 1000) for y in (got, truth @ BT709))

@@ -120,7 +120,7 @@ def test_settings_that_are_not_told_have_no_effect(
 
 
 def test_the_header_tells_what_the_operator_uses(clip: Path, tmp_path: Path) -> None:
-    convert(clip, tmp_path, make_settings("auto"), RunOptions(frames="1"))
+    convert(clip, tmp_path, make_settings(), RunOptions(frames="1"))
     told = json.loads(attributes(tmp_path / "a b.0001.exr")["itmoSettings"])
     assert told["operator"] == "auto"
     assert not {"lights", "min_lights", "soft_lights", "l_white", "owner", "alpha", "fps"} & set(

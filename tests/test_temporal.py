@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -42,7 +43,12 @@ def room(seed: int) -> Picture:
     return np.asarray(scene + np.random.default_rng(seed).normal(0, 1.0, scene.shape))
 
 
-def test_a_bright_box_that_slides_in_leaves_the_background_alone(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("footage", "most"), [("clipped", 0.01), ("tone-mapped", 0.01), ("auto", 0.1)]
+)
+def test_a_bright_box_that_slides_in_leaves_the_background_alone(
+    tmp_path: Path, footage: str, most: float
+) -> None:
     frames = []
     for n in range(30):
         frame = room(n)
@@ -50,7 +56,7 @@ def test_a_bright_box_that_slides_in_leaves_the_background_alone(tmp_path: Path)
         if right > 0:
             frame[80:104, max(0, right - 24) : right] = 255
         frames.append(frame)
-    log_gain = gains(tmp_path, frames, default())
+    log_gain = gains(tmp_path, frames, default(footage=footage))
     box_size, far = 24, 4 * 24
     end = 10 * (29 - 11)
     y, x = np.mgrid[0:HEIGHT, 0:WIDTH]
@@ -61,11 +67,11 @@ def test_a_bright_box_that_slides_in_leaves_the_background_alone(tmp_path: Path)
     before = np.mean(log_gain[3:8], axis=0)[background].mean()
     for n in range(12, 30):
         drift = abs(log_gain[n][background].mean() - before)
-        assert drift < 0.01, f"frame {n}: the background drifts by {drift:.4f} stop"
+        assert drift < most, f"frame {n}: the background drifts by {drift:.4f} stop"
     for n in range(14, 30):
         right = 10 * (n - 11)
         inside = log_gain[n][84:100, max(0, right - box_size + 4) : right - 4]
-        assert inside.mean() > 0.3, f"frame {n}: the box is not expanded ({inside.mean():.2f})"
+        assert inside.mean() > 0.2, f"frame {n}: the box is not expanded ({inside.mean():.2f})"
 
 
 @pytest.mark.parametrize("at", [12, 13, 14, 15])
@@ -79,8 +85,13 @@ def test_a_flash_leaves_its_neighbours_alone(tmp_path: Path, at: int) -> None:
         assert change < 0.02, f"flash at {at}: frame {n} changes by {change:.3f} stop"
 
 
+@pytest.mark.parametrize("options", [
+    {"operator": "banterle2006", "expand_map": False}, {}, {"footage": "tone-mapped"},
+])  # fmt: skip
 @pytest.mark.parametrize("level", [0.5, 0.8, 0.95])
-def test_grain_in_flat_highlights_is_not_lifted(tmp_path: Path, level: float) -> None:
+def test_grain_in_flat_highlights_is_not_lifted(
+    tmp_path: Path, level: float, options: dict[str, Any]
+) -> None:
     """Standard deviation of log2 luminance after over before: at most 1.3."""
     rng = np.random.default_rng(0)
     frames = []
@@ -88,13 +99,12 @@ def test_grain_in_flat_highlights_is_not_lifted(tmp_path: Path, level: float) ->
         luminance = np.full((HEIGHT, WIDTH), level) * (1 + rng.normal(0, 0.01, (HEIGHT, WIDTH)))
         luminance[:, : WIDTH // 2] *= 0.02
         frames.append(255 * np.clip(luminance, 0, 1) ** (1 / 2.4))
-    settings = make_settings(
-        "default", transfer="bt1886", expand_map=False, compression="none", l_max=4.93
-    )
+    settings = make_settings(transfer="bt1886", compression="none", l_max=4.93, **options)
     coded = [np.dstack([np.round(f).astype(np.uint8)] * 3) for f in frames]
     convert(write_ffv1(tmp_path / "c.mkv", coded), tmp_path / "out", settings)
     for codes, path in zip(coded, sorted((tmp_path / "out").glob("*.exr")), strict=True):
-        flat = (slice(20, 160), slice(WIDTH // 2 + 20, WIDTH - 20))
+        # Beyond the reach of the guard's windows, which keep what stands beside a strong edge.
+        flat = (slice(20, 160), slice(WIDTH // 2 + 44, WIDTH - 20))
         before = np.log2((codes[..., 1][flat] / 255.0) ** 2.4)
         after = np.log2(read_exr(path).channels["G"][flat].astype(np.float64))
         noise_gain = after.std() / before.std()

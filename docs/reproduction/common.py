@@ -20,6 +20,7 @@ from itmo_video.rendering.frame import render
 
 HERE = Path(__file__).resolve().parent
 IMAGES = HERE / "images"
+HIGHLIGHTS = str(HERE / "highlights.toml")  # the paper's operator, a finer and stricter map
 RGB8 = Encoding("rgb", 8, "bt709", "full", "srgb", "rec709")
 
 

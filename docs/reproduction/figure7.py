@@ -15,7 +15,16 @@ from typing import Any
 import av
 import cv2
 import numpy as np
-from common import data_folder, false_colour, labelled, luminance, read_hdr, save, srgb_codes
+from common import (
+    HIGHLIGHTS,
+    data_folder,
+    false_colour,
+    labelled,
+    luminance,
+    read_hdr,
+    save,
+    srgb_codes,
+)
 
 from itmo_video import RunOptions, convert, make_settings, read_exr
 from itmo_video.evaluation import fidelity
@@ -28,7 +37,7 @@ COLUMNS: dict[str, dict[str, Any]] = {
     "eq. 11, no map": {"preset": "paper", "expand_map": False},
     "paper's map, per frame": {"preset": "paper", "temporal": "per-frame"},
     "paper's map, tracked": {"preset": "paper"},
-    "highlights": {"preset": "highlights"},
+    "highlights": {"preset": HIGHLIGHTS},
 }
 
 

@@ -17,6 +17,7 @@ import cv2
 import numpy as np
 from common import (
     HERE,
+    HIGHLIGHTS,
     converted,
     data_folder,
     false_colour,
@@ -44,7 +45,7 @@ SWEEP: dict[str, dict[str, Any]] = {
     "naive": NAIVE,
     "paper": {"preset": "paper", **LATLONG},
     "paper, flat map": {"preset": "paper"},
-    "highlights": {"preset": "highlights", **LATLONG},
+    "highlights": {"preset": HIGHLIGHTS, **LATLONG},
     "ibl": {"preset": "ibl", **LATLONG},
 }
 Errors = dict[str, list[tuple[float, float]]]
@@ -61,8 +62,8 @@ def main() -> None:
     methods: dict[str, dict[str, Any]] = {}
     for l_max in L_MAX:
         methods[f"naive {l_max:g}"] = NAIVE | {"l_max": l_max}
-        for preset in ("paper", "highlights"):
-            methods[f"{preset} {l_max:g}"] = {"preset": preset, "l_max": l_max, **LATLONG}
+        for name, preset in (("paper", "paper"), ("highlights", HIGHLIGHTS)):
+            methods[f"{name} {l_max:g}"] = {"preset": preset, "l_max": l_max, **LATLONG}
     print(
         "Error / error after exposure / shadow sharpness (stops a pixel) / shadow depth (stops)\n"
     )

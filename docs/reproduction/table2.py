@@ -13,7 +13,7 @@ from typing import Any
 
 import cv2
 import numpy as np
-from common import converted, data_folder, linear, luminance, read_hdr, srgb_codes
+from common import HIGHLIGHTS, converted, data_folder, linear, luminance, read_hdr, srgb_codes
 from table1 import PAPER, exposure_for
 
 from itmo_video.evaluation import fidelity
@@ -27,7 +27,7 @@ COLUMNS: dict[str, dict[str, Any] | None] = {
     "naive": {"preset": "paper", "operator": "landis2002", "expand_map": False},
     "eq. 11, no map": {"preset": "paper", "expand_map": False},
     "paper": {"preset": "paper"},
-    "highlights": {"preset": "highlights"},
+    "highlights": {"preset": HIGHLIGHTS},
 }
 NAIVE: dict[str, dict[str, Any]] = {
     **{
@@ -40,7 +40,7 @@ NAIVE: dict[str, dict[str, Any]] = {
         for t in (0.25, 0.5, 0.75, 0.9)
     },
     "paper": {"preset": "paper"},
-    "highlights": {"preset": "highlights"},
+    "highlights": {"preset": HIGHLIGHTS},
 }
 
 
@@ -78,7 +78,7 @@ def judged(rgb: Any, truth: Any, l_max: float) -> tuple[float, float, float]:
 
 def settings_of(name: str, l_max: float) -> dict[str, Any]:
     """An operator's settings: its own defaults, and the map of `highlights` where it uses one."""
-    return {"preset": "highlights", "operator": name, "l_max": l_max}
+    return {"preset": HIGHLIGHTS, "operator": name, "l_max": l_max}
 
 
 def main() -> None:

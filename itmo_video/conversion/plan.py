@@ -25,7 +25,7 @@ from itmo_video.rendering import spans
 from itmo_video.settings import Settings
 from itmo_video.source.opening import Clip
 
-ALGORITHM = 5  # raise it whenever the same settings give other pixels
+ALGORITHM = 6  # raise it whenever the same settings give other pixels
 
 
 @dataclass(frozen=True)

@@ -93,8 +93,9 @@ def _rgb_map(frame: Frame, size: tuple[int, int], look: Look) -> Float32:
         slice(edge.top, size[1] - edge.bottom),
         slice(edge.left, size[0] - edge.right),
     )
-    key_map = np.zeros((size[1], size[0], 3), np.float32)
-    key_map[inner] = look.operator.make_map_rgb(rgb[inner], context, False)
+    own = look.operator.make_map_rgb(rgb[inner], context, False)
+    key_map = np.zeros((size[1], size[0], own.shape[2]), np.float32)
+    key_map[inner] = own
     return key_map
 
 

@@ -204,20 +204,28 @@ def gain_banterle2006(
 
 def gain_auto(
     loaded: ctypes.CDLL,
-    channel: Float32,
-    weight: Float32 | None,
-    gate: tuple[float, float, float, float],
-    stops: float,
-) -> Float32:
-    """2^(stops * weight * (g - low)), 1 where `channel` is not above `gate`'s first: a new array.
+    rgb: Sequence[Float32],
+    ratio: Float32 | None,
+    maps: Sequence[Float32],
+    gate: tuple[float, float, float, float, float],
+    steep: tuple[float, float, float],
+    l_max: float,
+) -> list[Float32]:
+    """The gains of three planes as `operators.auto.gain_auto` has them: new arrays.
 
-    g = 1 / (1 + 2^(slope * (centre - channel))), the channel limited to 1; `gate` is (from, centre,
-    slope, low).
+    `gate` is (from, centre, slope of a power of two, low, white) of a channel's opening, `steep`
+    where a channel parts from the others, wholly, and whether it may; `maps` four or none.
     """
-    channel = _whole(channel)
-    weight = None if weight is None else _whole(weight)
-    out = np.empty_like(channel)
-    loaded.itmo_gain_auto(_at(channel), _at(weight), *gate, stops, out.size, _at(out))
+    planes = [_whole(plane) for plane in rgb]
+    smoothed = None if ratio is None else _whole(ratio)
+    weights = [_at(part) for part in map(_whole, maps)] or [None] * 4
+    out = [np.empty_like(plane) for plane in planes]
+    numbers = np.array([*gate, *steep, l_max], np.float32)
+    loaded.itmo_gain_auto(
+        *(_at(plane) for plane in planes), _at(smoothed),
+        *weights, _at(numbers), planes[0].size,
+        *(_at(plane) for plane in out),
+    )  # fmt: skip
     return out
 
 

@@ -7,7 +7,7 @@ import functools
 import sys
 from pathlib import Path
 
-_VERSION = 8  # of the loops
+_VERSION = 9  # of the loops
 
 
 _TYPES = {"p": ctypes.c_void_p, "n": ctypes.c_int64, "f": ctypes.c_float, "d": ctypes.c_double}
@@ -21,7 +21,7 @@ _ARGUMENTS = {
     "guided_coefficients": "ppnnnfpp" + "pppp",
     "guide_rows": "pnnff" + "nnnn" + "pnnn" + "pppp" + "nnp" + "pp",
     "gain_banterle2006": "pffnp",
-    "gain_auto": "ppfffffnp",
+    "gain_auto": "ppp" + "p" + "pppp" + "pn" + "ppp",
     "expand": "ppppp" + "fffn" + "ppp",
 }
 

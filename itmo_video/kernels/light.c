@@ -147,35 +147,89 @@ INLINE int32_t nearest(float x)
     return (int32_t)(x + 1000.5f) - 1000;
 }
 
-INLINE void open_gate(const float *channel, const float *weight, float from, float centre,
-                      float slope, float low, float stops, int64_t count, float *restrict out)
+/* The binary logarithm of x from 1e-8 on, within 4e-7. */
+INLINE float log_two(float x)
 {
-    for (int64_t x = 0; x < count; x++) {
-        float closed = (centre - between(channel[x], from, 1)) * slope;
-        float gate = 1 / (1 + two_to(closed, nearest(closed))) - low;
-        float opened = gate * stops * weight[x] * (float)(channel[x] > from);
-        out[x] = two_to(opened, nearest(opened));
+    int32_t bits, mantissa_bits;
+    float mantissa;
+    memcpy(&bits, &x, 4);
+    int32_t exponent = (bits - 0x3f3504f3) >> 23;
+    mantissa_bits = bits - exponent * (1 << 23);
+    memcpy(&mantissa, &mantissa_bits, 4);
+    float s = (mantissa - 1) / (mantissa + 1), q = s * s;
+    float series = FMA(FMA(FMA(FMA(0.32059889f, q, 0.41219859f), q, 0.57707802f), q, 0.96179669f),
+                        q, 2.88539008f);
+    return FMA(s, series, (float)exponent);
+}
+
+/* See native.gain_auto; 64 places at most. `n` holds from, centre, slope, low, white, apart from,
+   apart wholly, whether apart, L'max. */
+INLINE void gain_block(const float *const *rgb, const float *ratio, const float *const *maps,
+                       const float *n, int64_t size, float *const *out)
+{
+    enum { BLOCK = 64 };
+    float curve[BLOCK] = {0}, own[3][BLOCK];
+    float peak = log_two(n[8]), slope = 4 / (n[8] * n[8]), open = 1 / (n[4] - n[3]);
+    float per_apart = 1 / (n[6] - n[5]);
+    if (maps[3])
+        for (int64_t x = 0; x < size; x++) {
+            float r = between(rgb[0][x], 0, 1), g = between(rgb[1][x], 0, 1);
+            float b = between(rgb[2][x], 0, 1), greatest = r > g ? r : g;
+            greatest = greatest > b ? greatest : b;
+            float even = ratio ? between(ratio[x], 0.7f, 2) : 1, weight = maps[3][x] * 2.5f;
+            float light = (r * 0.213f + g * 0.715f + b * 0.072f + greatest) * 0.5f * even;
+            light = between(light, 2e-3f, 1);
+            float rest = 1 - light;
+            float gain = log_two(2 / (sqrtf(rest * rest + slope * light) + rest));
+            float room = peak - log_two(between(greatest * even, 2e-3f, 1)) - gain;
+            room = room > 0 ? room : 0;
+            float more = (weight > 1 ? weight - 1 : 0) * gain;
+            float bent = (weight < 1 ? weight : 1) * gain + room * more / (room + more + 1e-6f);
+            float most = peak - log_two(greatest > 2e-3f ? greatest : 2e-3f);
+            curve[x] = between(bent, 0, most);
+        }
+    for (int c = 0; c < 3; c++)
+        for (int64_t x = 0; x < size; x++) {
+            float light = between(rgb[c][x], 0, 1), closed = (n[1] - light) * n[2];
+            float gate = 1 / (1 + two_to(closed, nearest(closed))) - n[3];
+            float known = (maps[c] ? peak * maps[c][x] : peak) - curve[x];
+            own[c][x] = (known > 0 ? known : 0) * ((gate > 0 ? gate : 0) * open);
+        }
+    for (int64_t x = 0; x < size; x++) {
+        float common = own[0][x] < own[1][x] ? own[0][x] : own[1][x];
+        common = common < own[2][x] ? common : own[2][x];
+        for (int c = 0; c < 3; c++) {
+            float t = between((rgb[c][x] - n[5]) * per_apart, 0, 1);
+            float total = curve[x] + common + (own[c][x] - common) * (t * t * (3 - 2 * t) * n[7]);
+            out[c][x] = two_to(total, nearest(total));
+        }
     }
 }
 
 /* See native.gain_auto. */
-CLONED void itmo_gain_auto(const float *channel, const float *weight, float from, float centre,
-                           float slope, float low, float stops, int64_t count, float *restrict out)
+CLONED void itmo_gain_auto(const float *red, const float *green, const float *blue, const float *ratio,
+                           const float *map_red, const float *map_green, const float *map_blue,
+                           const float *map_curve, const float *n, int64_t count,
+                           float *restrict out_red, float *restrict out_green,
+                           float *restrict out_blue)
 {
     enum { BLOCK = 64 };
-    float ones[BLOCK];
-    for (int64_t x = 0; x < BLOCK; x++)
-        ones[x] = 1;
     for (int64_t i = 0; i < count; i += BLOCK) {
         int64_t size = count - i < BLOCK ? count - i : BLOCK;
-        int bright = 0;
+        const float *rgb[3] = {red + i, green + i, blue + i};
+        const float *maps[4] = {map_red ? map_red + i : 0, map_green ? map_green + i : 0,
+                                map_blue ? map_blue + i : 0, map_curve ? map_curve + i : 0};
+        float *out[3] = {out_red + i, out_green + i, out_blue + i};
+        int active = 0;
         for (int64_t x = i; x < i + size; x++)
-            bright |= channel[x] > from;
-        if (bright)
-            open_gate(channel + i, weight ? weight + i : ones, from, centre, slope, low, stops, size,
-                      out + i);
+            active |= (red[x] > n[0]) | (green[x] > n[0]) | (blue[x] > n[0]) |
+                      (map_curve ? map_curve[x] > 0 : 0);
+        if (active)
+            gain_block(rgb, ratio ? ratio + i : 0, maps, n, size, out);
         else
-            memcpy(out + i, ones, size * sizeof *out);
+            for (int c = 0; c < 3; c++)
+                for (int64_t x = 0; x < size; x++)
+                    out[c][x] = 1;
     }
 }
 

@@ -1,153 +1,128 @@
-"""`auto`: a small network tells how far each clipped place lies above white, in R, G and B apart.
+"""`auto`: each shot by its own rendering, the paper's curve or a fitted estimate of what clipped.
 
-Fitted by docs/auto/fit.py to HDR panoramas of known radiance; its weights are auto.onnx, run by
-OpenCV's own cv2.dnn at keyframes. For each of a row of levels above SDR white it gives the share of
-a place's radiance that reaches it; summed up to the peak that is the expected log2 of the radiance
-held at that peak, so one network serves every L'max. A channel below clipping is left as it is: a
-gate on each pixel's channels draws the edges, in the full picture, and where one or two channels
-clip the others are what the camera saw.
+Eq. 11 where highlights were folded into SDR, a network's word where they clipped; what did neither
+is left as it is.
+
+At keyframes, from the analysis picture (map_auto): how far each clipped place lies above white, in
+R, G and B apart (auto_levels), and eq. 11's weight at each place (auto_rendering). They are carried
+like the Expand Map. In every frame (gain_auto) one gain for all channels comes from eq. 11, so what
+did not clip keeps its chromaticity; a channel parts from the others only where it is at white.
 """
 
 from __future__ import annotations
 
 import math
-import threading
-from importlib import resources
-from typing import Any
+from collections.abc import Sequence
 
-import cv2
 import numpy as np
 
+from itmo_video.colour.luminance import luminance_of
 from itmo_video.kernels import compiled, library
 from itmo_video.model import Float32
-from itmo_video.operators.base import Context, Floats, Operator
+from itmo_video.operators.auto_levels import clipped_levels
+from itmo_video.operators.auto_rendering import (
+    GREATEST_WEIGHT,
+    curve_weight,
+    known_clipped,
+    rendering_of,
+)
+from itmo_video.operators.base import Context, Floats, Guard, Operator
+from itmo_video.operators.photographic import gain_banterle2006
 
-# As in docs/auto/network.py, to which the weights belong.
-EDGES_STOPS = (0.0, 0.3, 0.6, 0.9, 1.2, 1.6, 2.0, 2.5, 3.1, 3.7, 4.4)
-GATE_CENTRE, GATE_SLOPE = 0.9, 40.0
-TILE_PX = 32  # the network halves five times, so its pictures are multiples of this
-WIDTH_PX = 320  # of the network's picture where it would be wider than 480: half the time
-WRAP_PX = 64  # what a panorama shows of its other side
-_WEIGHTS = "auto.onnx"
-# The gate of the result, on linear light; fitted with the weights.
+# How far a channel counts as clipped, on linear light: fitted with the network's weights.
 OPEN_CENTRE, OPEN_SLOPE, OPEN_FROM = 0.808, 27.3, 0.5
 _OPEN_LOW, _OPEN_WHITE = (
     1 / (1 + math.exp(-OPEN_SLOPE * (light - OPEN_CENTRE))) for light in (OPEN_FROM, 1.0)
 )
-_local = threading.local()
-
-
-def srgb_codes(rgb_linear: Float32) -> Float32:
-    """SRGB codes in [0, 1] of linear light in [0, 1], float32 (IEC 61966-2-1)."""
-    curve = cv2.log(np.maximum(rgb_linear, np.float32(0.0031308)))
-    curve *= np.float32(1 / 2.4)  # by log and exp, as cv2.pow takes three times as long
-    curve = np.float32(1.055) * cv2.exp(curve) - np.float32(0.055)
-    low = rgb_linear <= np.float32(0.0031308)
-    return np.where(low, np.float32(12.92) * rgb_linear, curve).astype(np.float32)
-
-
-def features(codes: Float32, height: int) -> Float32:
-    """The network's input, float32 (17, h/2, w/2), of codes (h, w, 3) in [0, 1].
-
-    The codes and the gates of 2 x 2 pixels, and the place in the frame from -1, top, to 1, which
-    is row `height`: rows beyond it are padding. h and w are even.
-    """
-    h, w = codes.shape[0] // 2, codes.shape[1] // 2
-    greatest = np.maximum(np.maximum(codes[..., 0], codes[..., 1]), codes[..., 2])
-    gates = 1 / (1 + np.exp(np.float32(-GATE_SLOPE) * (greatest - np.float32(GATE_CENTRE))))
-    gates *= np.float32(1 + math.exp(-GATE_SLOPE * (1 - GATE_CENTRE)))
-    planes = np.concatenate([(codes - np.float32(0.5)).transpose(2, 0, 1), gates[None]])
-    squares = planes.reshape(4, h, 2, w, 2).transpose(0, 2, 4, 1, 3).reshape(16, h, w)
-    place = np.float32(-1) + np.arange(h, dtype=np.float32) * np.float32(2 / max(height / 2 - 1, 1))
-    row = np.broadcast_to(place[None, :, None], (1, h, w))
-    return np.ascontiguousarray(np.concatenate([squares, row]), np.float32)
+APART_FROM, APART_WHOLLY = 0.965, 0.985  # light at which a channel may part from the others
+RATIO_LOW, RATIO_HIGH = 0.7, 2.0  # of smoothed over given light: small lamps stay bright
+LEAST_LIGHT = 2e-3
+# Texture is not lifted with the light that falls on it: eq. 11's argument is smoothed over it.
+TEXTURE = Guard(radius_px=21, epsilon=0.02)
 
 
 def map_auto(rgb_linear: Float32, context: Context, wrap_x: bool = False) -> Float32:
-    """Expected log2 of R, G and B of each place were they clipped, over log2 L'max: (H, W, 3).
+    """What a keyframe tells: float32 (H, W, 4) in [0, 1].
 
-    `rgb_linear` is the picture at analysis size, float32 (H, W, 3) in [0, 1]; `wrap_x` for a
-    panorama. Float32 in [0, 1].
+    Expected log2 of R, G and B of each place were they clipped, over log2 L'max, and eq. 11's
+    weight over GREATEST_WEIGHT. `rgb_linear` is the picture at analysis size, float32 (H, W, 3) in
+    [0, 1]; `wrap_x` for a panorama.
     """
-    full_height, full_width = height, width = rgb_linear.shape[:2]
-    if width > 480:
-        height, width = max(1, round(height * WIDTH_PX / width)), WIDTH_PX
-        rgb_linear = np.asarray(
-            cv2.resize(rgb_linear, (width, height), interpolation=cv2.INTER_AREA), np.float32
-        ).reshape(height, width, 3)
-    codes = srgb_codes(rgb_linear)
-    left = WRAP_PX if wrap_x else 0
-    if left:
-        codes = np.concatenate(
-            [codes.take(range(-left, 0), 1, mode="wrap"), codes,
-             codes.take(range(width, width + left), 1, mode="wrap")], axis=1,
-        )  # fmt: skip
-    below, right = -height % TILE_PX, -codes.shape[1] % TILE_PX
-    codes = cv2.copyMakeBorder(codes, 0, below, 0, right, cv2.BORDER_REFLECT)
-    net = _network()
-    net.setInput(features(codes, height)[None])
-    levels = np.asarray(net.forward(), np.float32)[0]
-    peak_stops = math.log2(max(context.l_max, 1 + 1e-6))
-    edges = np.minimum(EDGES_STOPS, peak_stops)
-    # The last level's share is taken on to peaks beyond it.
-    widths = np.diff([*edges[:-1], max(peak_stops, edges[-1])])
-    levels = levels.reshape(3, len(widths), *levels.shape[1:])
-    stops = np.einsum("k,ckhw->hwc", (widths / peak_stops).astype(np.float32), levels)
-    seen = cv2.resize(stops, (codes.shape[1], codes.shape[0]), interpolation=cv2.INTER_LINEAR)
-    seen = seen[:height, left : left + width]
-    if (full_height, full_width) != (height, width):
-        seen = cv2.resize(seen, (full_width, full_height), interpolation=cv2.INTER_LINEAR)
-    return np.asarray(np.clip(seen, 0, 1), np.float32).reshape(full_height, full_width, 3)
+    height, width = rgb_linear.shape[:2]
+    pad = min(width, max(1, width // 8)) if wrap_x else 0
+    wide = np.pad(rgb_linear, ((0, 0), (pad, pad), (0, 0)), "wrap")
+    maps = np.empty((height, width, 4), np.float32)
+    maps[..., :3] = clipped_levels(rgb_linear, context.l_max, wrap_x)
+    maps[..., :3] *= known_clipped(wide)[:, pad : pad + width]
+    rendering = rendering_of(rgb_linear, context.footage)
+    weight = curve_weight(wide, rendering, context.lamps)
+    maps[..., 3] = weight[:, pad : pad + width]
+    return maps
 
 
-def gain_auto(channel: Float32, weight: Float32 | None, context: Context) -> Float32:
-    """2^(log2 L'max * map * gate), float32 (rows, W): 1 up to OPEN_FROM, L'max at most.
+def gain_auto(
+    rgb: Sequence[Float32], ratio: Float32 | None, maps: Sequence[Float32], context: Context
+) -> list[Float32]:
+    """The gains of R, G and B, float32 of their shape: L'max at most, 1 where nothing is known.
 
-    `channel` is R, G or B, linear light, more than 1 counting as 1; `weight` its map, 1 if None.
+    `rgb` is linear light, more than 1 counting as 1; `ratio` smoothed over given luminance, 1 if
+    None; `maps` the four of map_auto, or none: all that clips goes to L'max then.
     """
+    l_max, apart = context.l_max, context.hue == "restore"
     if (loaded := library.library()) is not None:
-        gate = OPEN_FROM, OPEN_CENTRE, OPEN_SLOPE / math.log(2), _OPEN_LOW
-        stops = math.log2(context.l_max) / (_OPEN_WHITE - _OPEN_LOW)
-        return compiled.gain_auto(loaded, channel, weight, gate, stops)
-    gain = np.ones(channel.shape, np.float32)
-    bright = np.flatnonzero(channel > np.float32(OPEN_FROM))
-    if not bright.size:
-        return gain
-    share = np.minimum(channel.take(bright), np.float32(1)) - np.float32(OPEN_CENTRE)
-    share = cv2.exp(share * np.float32(-OPEN_SLOPE)).reshape(-1)
-    share += np.float32(1)
-    np.divide(np.float32(1), share, out=share)
-    share -= np.float32(_OPEN_LOW)
-    share *= np.float32(math.log(context.l_max) / (_OPEN_WHITE - _OPEN_LOW))
-    if weight is not None:
-        share *= weight.take(bright)
-    gain.put(bright, cv2.exp(share))
-    return gain
+        gate = OPEN_FROM, OPEN_CENTRE, OPEN_SLOPE / math.log(2), _OPEN_LOW, _OPEN_WHITE
+        steep = (APART_FROM, APART_WHOLLY, float(apart))
+        return compiled.gain_auto(loaded, rgb, ratio, maps, gate, steep, l_max)
+    peak_stops = np.float32(math.log2(l_max))
+    limited = [np.clip(plane, 0, 1) for plane in rgb]
+    curve: Float32 | np.float32 = np.float32(0)
+    if len(maps) == 4:
+        greatest = np.maximum(np.maximum(limited[0], limited[1]), limited[2])
+        even = np.float32(1) if ratio is None else np.clip(ratio, RATIO_LOW, RATIO_HIGH)
+        least = np.float32(LEAST_LIGHT)
+        light = np.clip((luminance_of(limited) + greatest) * np.float32(0.5) * even, least, 1)
+        gain = np.log2(gain_banterle2006(light, Context(l_max, l_max)))
+        weight = maps[3] * np.float32(GREATEST_WEIGHT)
+        # Beyond eq. 11's own gain it bends off below the peak; texture may not pass it, either.
+        room = np.maximum(peak_stops - np.log2(np.clip(greatest * even, least, 1)) - gain, 0)
+        more = np.maximum(weight - 1, 0) * gain
+        curve = np.minimum(weight, 1) * gain + room * more / (room + more + np.float32(1e-6))
+        curve = np.clip(curve, 0, peak_stops - np.log2(np.maximum(greatest, least)))
+    stops = []
+    for i, plane in enumerate(limited):
+        known = peak_stops * maps[i] if maps else peak_stops
+        gate = 1 / (1 + np.exp(np.float32(-OPEN_SLOPE) * (plane - np.float32(OPEN_CENTRE))))
+        gate = np.maximum(gate - np.float32(_OPEN_LOW), 0)
+        stops.append(np.maximum(known - curve, 0) * gate / np.float32(_OPEN_WHITE - _OPEN_LOW))
+    common = np.minimum(np.minimum(stops[0], stops[1]), stops[2])
+    gains = []
+    for plane, own in zip(limited, stops, strict=True):
+        total = curve + common
+        if apart:
+            t = (plane - np.float32(APART_FROM)) * np.float32(1 / (APART_WHOLLY - APART_FROM))
+            t = np.clip(t, 0, 1)
+            total = total + (own - common) * (t * t * (np.float32(3) - np.float32(2) * t))
+        gains.append(np.asarray(np.exp2(total), np.float32))
+    return gains
 
 
 def curve_auto(luminance: Floats, context: Context) -> Floats:
-    """Expanded channel of any float type where the map is 1: `gain_auto` written plainly."""
+    """Expanded grey of any float type where all that clips goes to L'max: no maps."""
     share = 1 / (1 + np.exp(-OPEN_SLOPE * (luminance - OPEN_CENTRE)))
     gate = np.clip((share - _OPEN_LOW) / (_OPEN_WHITE - _OPEN_LOW), 0, None)
     return np.asarray(luminance * context.l_max**gate)
 
 
-def _network() -> Any:
-    """The network of the thread that asks: a cv2.dnn.Net is not to be shared."""
-    if not hasattr(_local, "net"):
-        data = resources.files(__package__).joinpath(_WEIGHTS).read_bytes()
-        _local.net = cv2.dnn.readNetFromONNX(np.frombuffer(data, np.uint8))
-    return _local.net
-
-
 OPERATORS = (
     Operator(
         "auto",
-        "a fitted network tells how far each clipped place lies above white; the rest is kept",
-        "itmo_video's own: docs/auto.md",
-        lambda luminance, context: gain_auto(luminance, None, context),
+        "each shot by its own rendering: eq. 11 where it was tone-mapped, a fitted network's "
+        "estimate where it clipped",
+        "itmo_video's own: docs/auto.md; eq. 11 of Banterle et al. 2006",
+        lambda luminance, context: gain_auto([luminance] * 3, None, (), context)[0],
         curve=curve_auto,
         make_map_rgb=map_auto,
-        gain_channel=gain_auto,
+        gain_rgb=gain_auto,
+        guard=TEXTURE,
     ),
 )

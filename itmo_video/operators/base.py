@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, TypeAlias
 
@@ -42,7 +42,8 @@ class Context:
 
     `alpha` and `geometric_mean` (eq. 5, of the frame) are set only where the user gave alpha;
     `stats` only where the operator needs them; `density`, which makes the paper's Expand Map of a
-    luminance picture by the settings at hand, only for an operator that makes its own map.
+    luminance picture by the settings at hand, only for an operator that makes its own map; `hue`,
+    `lamps` and `footage` are the settings of those names.
     """
 
     l_max: float
@@ -51,6 +52,9 @@ class Context:
     alpha: float | None = None
     geometric_mean: float | None = None
     stats: FrameStats | None = None
+    hue: str = "restore"
+    lamps: float = 1.0
+    footage: str = "auto"
     density: Callable[[Float32], Float32] | None = None
 
     @property
@@ -82,6 +86,23 @@ class Parameter:
 
 Curve: TypeAlias = Callable[[Floats, Context], Floats]
 Gain: TypeAlias = Callable[[Float32, Context], Float32]
+GainRgb: TypeAlias = Callable[
+    [Sequence[Float32], Float32 | None, Sequence[Float32], Context], list[Float32]
+]
+
+
+@dataclass(frozen=True)
+class Guard:
+    """What is smoothed out of the curve's argument: a guided filter's radius and epsilon.
+
+    The radius in pixels at analysis size; contrasts of codes (0 to 1, squared) below epsilon go.
+    """
+
+    radius_px: int
+    epsilon: float
+
+
+GRAIN = Guard(radius_px=3, epsilon=4e-4)  # 2 % of the code range counts as grain
 
 
 @dataclass(frozen=True)
@@ -99,9 +120,10 @@ class Operator:
     `uses_alpha` and `uses_l_white` tell which of the context it reads.
 
     An operator that needs more than luminance has two functions instead: `make_map_rgb(rgb_linear,
-    context, wrap_x)` makes maps of R, G and B from linear RGB, both float32 (H, W, 3) at analysis
-    size, and `gain_channel(channel, map, context)` the gain of one channel from itself and its
-    map; it draws the edges itself, so its maps are brought to full size without them.
+    context, wrap_x)` makes maps in [0, 1], at most four, from linear RGB at analysis size, both
+    float32 (H, W, C), and `gain_rgb(rgb, ratio, maps, context)` the gains of R, G and B from their
+    planes, smoothed over given luminance and the maps, if any; it draws the edges itself, so its
+    maps are brought to full size without them. `guard` is what the noise guard smooths away.
     """
 
     name: str
@@ -117,7 +139,8 @@ class Operator:
     make_map: Callable[[Float32, Context], Float32] | None = None
     base: Callable[[Context], float] | None = None
     make_map_rgb: Callable[[Float32, Context, bool], Float32] | None = None
-    gain_channel: Callable[[Float32, Float32 | None, Context], Float32] | None = None
+    gain_rgb: GainRgb | None = None
+    guard: Guard = GRAIN
     channel_maps: bool = False
 
 

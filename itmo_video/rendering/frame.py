@@ -52,13 +52,14 @@ def render(
         matrix = primaries.rgb_to_rgb_matrix(frame.encoding.primaries, settings.primaries)
     if guide is None:
         guide = analysis_guide(frame, settings.map_width)
-    gain_channel = look.operator.gain_channel
+    gain_rgb = look.operator.gain_rgb
     guidance = Guidance(
         frame,
         guide,
         settings,
         map_small if look.needs_map else None,
-        settings.edge_aware and gain_channel is None,
+        settings.edge_aware and gain_rgb is None,
+        look.operator.guard,
     )
     # A gain of L'max on a pixel of one pure primary may pass what a half can hold.
     limit = settings.alpha is not None or not clip or 20 * context.l_max > HALF_MAX
@@ -67,24 +68,23 @@ def render(
     layers = {f"{name}.Y": np.empty((height, width), np.float16) for name in settings.layers}
     is_plain = not (limit or layers) and alpha is None and matrix is None
     loops = library.library() if is_plain else None
+    part, more = min(settings.strength, 1.0), max(settings.strength - 1, 0.0)
     for rows in strips(height):
         rgb = strip_buffers(rows, width)
         linear_light.strip_to_rgb_linear(frame, rows, clip, rgb)
         maps, denoise = guidance.rows(rows)
-        if gain_channel is not None:
-            each: Sequence[Float32 | None] = maps or [None] * len(rgb)
-            gains = [
-                gain_channel(plane if denoise is None else plane * denoise, part, context)
-                for plane, part in zip(rgb, each, strict=True)
-            ]
+        if gain_rgb is not None:
+            gains = gain_rgb(rgb, denoise, maps, context)
             for gain in gains:
-                _weighed(gain, [], 1, settings.strength)
+                _weighed(gain, [], 1, part)
         else:
             gain = look.operator.gain(limited_luminance(rgb, denoise), context)
-            if loops is not None and len(maps) == 1:
-                compiled.expand(loops, rgb, gain, maps[0], base, settings.strength, out[:, rows])
+            if loops is not None and len(maps) == 1 and not more:
+                compiled.expand(loops, rgb, gain, maps[0], base, part, out[:, rows])
                 continue
-            gains = _weighed(gain, maps, base if maps else 1, settings.strength)
+            gains = _weighed(gain, maps, base if maps else 1, part)
+        if more:
+            gains = strengthened(gains, _greatest(rgb), 1 + more, context.l_max)
         _fill_layers(layers, rows, rgb, gains, maps)
         if alpha is not None:
             gains = [part * alpha[rows] for part in gains]
@@ -110,6 +110,28 @@ def _weighed(gain: Float32, maps: Sequence[Float32], base: float, strength: floa
             part *= np.float32(strength)
         part += np.float32(1 + strength * (base - 1))
     return weighed
+
+
+def strengthened(
+    gains: Sequence[Float32], greatest: Float32, strength: float, l_max: float
+) -> list[Float32]:
+    """Gains to the power of a strength of 1 to 2, by a soft knee below the peak: new arrays.
+
+    `greatest` is the greatest channel before the gains. What comes on top bends off in the stops
+    that are left to L'max, all channels alike, so that hues stay and nothing passes the peak.
+    """
+    least = np.float32(1e-4)
+    stops = [np.log2(np.maximum(gain, least)) for gain in gains]
+    most = stops[0]
+    for part in stops[1:]:
+        most = np.maximum(most, part)
+    most = np.maximum(most, 0)
+    room = np.maximum(np.log2(l_max / np.maximum(greatest, least)) - most, np.float32(1e-3))
+    added = room * (1 - np.exp(most * np.float32(1 - strength) / room))
+    factor = 1 + added / np.maximum(most, least)
+    return [
+        np.asarray(np.exp2(np.where(part > 0, part * factor, part)), np.float32) for part in stops
+    ]
 
 
 def _mean_of(parts: Sequence[Float32]) -> Float32:

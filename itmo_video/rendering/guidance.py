@@ -13,14 +13,13 @@ from itmo_video.colour.analysis_picture import guide_codes
 from itmo_video.expand_map import density
 from itmo_video.kernels import compiled, library
 from itmo_video.model import Code, Float32, Frame
+from itmo_video.operators.base import GRAIN, Guard
 from itmo_video.rendering import guided_upsampling
 from itmo_video.settings import Settings
 
 EDGE_EPSILON = 1e-3  # contrasts (squared, of codes 0..1) below this do not bend the map
 SOFTENING = np.array([1, 4, 6, 4, 1], np.float32) / 16  # binomial, a standard deviation of 1 px
 REACH = len(SOFTENING) // 2
-GRAIN_EPSILON = 4e-4  # contrasts below this, 2 % of the code range, count as grain
-GRAIN_RADIUS_PX = 3  # at analysis size
 GAMMA = 2.4  # how luminance goes with the code, for small differences
 
 
@@ -49,8 +48,8 @@ class Guidance:
     """A frame's maps, and what frees its luminance of grain, a strip of rows at a time.
 
     The noise guard keeps grain, banding and block edges out of the curve's argument. The picture
-    keeps its own detail: what is below GRAIN_EPSILON is carried through as it is and not lifted by
-    the curve's slope.
+    keeps its own detail: what is below the guard's epsilon is carried through as it is and not
+    lifted by the curve's slope.
     """
 
     def __init__(
@@ -60,6 +59,7 @@ class Guidance:
         settings: Settings,
         map_small: Float32 | None,
         edge_aware: bool,
+        guard: Guard = GRAIN,
     ) -> None:
         """`guide` is its `analysis_guide`; `map_small` (H, W), or (H, W, C) for each channel's."""
         self._frame = frame
@@ -70,7 +70,7 @@ class Guidance:
         small: list[Float32] = []
         if self._guards:
             a, b = guided_upsampling.edge_aware_coefficients(
-                guide, guide, GRAIN_RADIUS_PX, GRAIN_EPSILON
+                guide, guide, guard.radius_px, guard.epsilon
             )
             small += [(a - np.float32(1)) * np.float32(GAMMA), b * np.float32(GAMMA)]
         if map_small is not None:

@@ -13,7 +13,7 @@ from itmo_video.settings import LOOK, Settings
 # Where a setting stands on the page; one that is not named here stands under "More".
 GROUPS: dict[str, tuple[str, ...]] = {
     "Look": ("operator", "peak_nits", "l_max", "white_nits", "strength", "l_white", "alpha",
-             "operator_params", "hue", "lamps"),
+             "operator_params", "footage", "hue", "lamps"),
     "Expand Map": ("expand_map", "lights", "radius", "min_lights", "soft_lights", "edge_aware",
                    "noise_guard", "map_width"),
     "Over time": ("temporal", "key_interval", "smooth_keys"),

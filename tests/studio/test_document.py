@@ -75,7 +75,7 @@ def test_undo_and_redo(document: Document, clip: Path) -> None:
     assert history.now.changed == {"peak_nits": 700.0}, "what was refused stays undone"
 
 
-@pytest.mark.parametrize("preset", ["default", "paper", "highlights", "ibl"])
+@pytest.mark.parametrize("preset", ["default", "paper", "ibl"])
 @pytest.mark.parametrize(
     "values",
     [

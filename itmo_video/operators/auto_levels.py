@@ -1,0 +1,99 @@
+"""How far each clipped place lies above white, in R, G and B apart, told by a fitted network.
+
+Fitted by docs/auto/fit.py to HDR panoramas of known radiance; its weights are auto.onnx, run by
+OpenCV's own cv2.dnn at keyframes. For each of a row of levels above SDR white it gives the share of
+a place's radiance that reaches it; summed up to the peak that is the expected log2 of the radiance
+held at that peak, so one network serves every L'max.
+"""
+
+from __future__ import annotations
+
+import math
+import threading
+from importlib import resources
+from typing import Any
+
+import cv2
+import numpy as np
+
+from itmo_video.model import Float32
+
+# As in docs/auto/network.py, to which the weights belong.
+EDGES_STOPS = (0.0, 0.3, 0.6, 0.9, 1.2, 1.6, 2.0, 2.5, 3.1, 3.7, 4.4)
+GATE_CENTRE, GATE_SLOPE = 0.9, 40.0
+TILE_PX = 32  # the network halves five times, so its pictures are multiples of this
+WIDTH_PX = 320  # of the network's picture where it would be wider than 480: half the time
+WRAP_PX = 64  # what a panorama shows of its other side
+_WEIGHTS = "auto.onnx"
+_local = threading.local()
+
+
+def srgb_codes(rgb_linear: Float32) -> Float32:
+    """SRGB codes in [0, 1] of linear light in [0, 1], float32 (IEC 61966-2-1)."""
+    curve = cv2.log(np.maximum(rgb_linear, np.float32(0.0031308)))
+    curve *= np.float32(1 / 2.4)  # by log and exp, as cv2.pow takes three times as long
+    curve = np.float32(1.055) * cv2.exp(curve) - np.float32(0.055)
+    low = rgb_linear <= np.float32(0.0031308)
+    return np.where(low, np.float32(12.92) * rgb_linear, curve).astype(np.float32)
+
+
+def features(codes: Float32, height: int) -> Float32:
+    """The network's input, float32 (17, h/2, w/2), of codes (h, w, 3) in [0, 1].
+
+    The codes and the gates of 2 x 2 pixels, and the place in the frame from -1, top, to 1, which
+    is row `height`: rows beyond it are padding. h and w are even.
+    """
+    h, w = codes.shape[0] // 2, codes.shape[1] // 2
+    greatest = np.maximum(np.maximum(codes[..., 0], codes[..., 1]), codes[..., 2])
+    gates = 1 / (1 + np.exp(np.float32(-GATE_SLOPE) * (greatest - np.float32(GATE_CENTRE))))
+    gates *= np.float32(1 + math.exp(-GATE_SLOPE * (1 - GATE_CENTRE)))
+    planes = np.concatenate([(codes - np.float32(0.5)).transpose(2, 0, 1), gates[None]])
+    squares = planes.reshape(4, h, 2, w, 2).transpose(0, 2, 4, 1, 3).reshape(16, h, w)
+    place = np.float32(-1) + np.arange(h, dtype=np.float32) * np.float32(2 / max(height / 2 - 1, 1))
+    row = np.broadcast_to(place[None, :, None], (1, h, w))
+    return np.ascontiguousarray(np.concatenate([squares, row]), np.float32)
+
+
+def clipped_levels(rgb_linear: Float32, l_max: float, wrap_x: bool = False) -> Float32:
+    """Expected log2 of R, G and B of each place were they clipped, over log2 L'max: (H, W, 3).
+
+    `rgb_linear` is the picture at analysis size, float32 (H, W, 3) in [0, 1]; `wrap_x` for a
+    panorama. Float32 in [0, 1].
+    """
+    full_height, full_width = height, width = rgb_linear.shape[:2]
+    if width > 480:
+        height, width = max(1, round(height * WIDTH_PX / width)), WIDTH_PX
+        rgb_linear = np.asarray(
+            cv2.resize(rgb_linear, (width, height), interpolation=cv2.INTER_AREA), np.float32
+        ).reshape(height, width, 3)
+    codes = srgb_codes(rgb_linear)
+    left = WRAP_PX if wrap_x else 0
+    if left:
+        codes = np.concatenate(
+            [codes.take(range(-left, 0), 1, mode="wrap"), codes,
+             codes.take(range(width, width + left), 1, mode="wrap")], axis=1,
+        )  # fmt: skip
+    below, right = -height % TILE_PX, -codes.shape[1] % TILE_PX
+    codes = cv2.copyMakeBorder(codes, 0, below, 0, right, cv2.BORDER_REFLECT)
+    net = _network()
+    net.setInput(features(codes, height)[None])
+    levels = np.asarray(net.forward(), np.float32)[0]
+    peak_stops = math.log2(max(l_max, 1 + 1e-6))
+    edges = np.minimum(EDGES_STOPS, peak_stops)
+    # The last level's share is taken on to peaks beyond it.
+    widths = np.diff([*edges[:-1], max(peak_stops, edges[-1])])
+    levels = levels.reshape(3, len(widths), *levels.shape[1:])
+    stops = np.einsum("k,ckhw->hwc", (widths / peak_stops).astype(np.float32), levels)
+    seen = cv2.resize(stops, (codes.shape[1], codes.shape[0]), interpolation=cv2.INTER_LINEAR)
+    seen = seen[:height, left : left + width]
+    if (full_height, full_width) != (height, width):
+        seen = cv2.resize(seen, (full_width, full_height), interpolation=cv2.INTER_LINEAR)
+    return np.asarray(np.clip(seen, 0, 1), np.float32).reshape(full_height, full_width, 3)
+
+
+def _network() -> Any:
+    """The network of the thread that asks: a cv2.dnn.Net is not to be shared."""
+    if not hasattr(_local, "net"):
+        data = resources.files(__package__).joinpath(_WEIGHTS).read_bytes()
+        _local.net = cv2.dnn.readNetFromONNX(np.frombuffer(data, np.uint8))
+    return _local.net

@@ -1,0 +1,166 @@
+"""How footage was rendered to SDR, read from one picture, and where eq. 11 undoes it.
+
+Two kinds of footage want opposite things. A camera that clips leaves everything below white as it
+was and loses what lies above; a tone-mapped picture (phones, grading, broadcast) has its highlights
+folded into the upper half of the codes, and the paper's curve is the inverse of that. The two are
+told apart by how much stands at the last codes beside what lies just below: a shoulder leaves
+hardly anything there, a clipped camera piles up all that was brighter.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from itmo_video.colour.luminance import luminance_of
+from itmo_video.model import Float32
+
+CLIPPED_FROM = 0.975  # of white, linear: compression lets clipped areas waver
+BRIGHT_FROM = 0.3
+# Clipped over bright pixels: below the first a picture was tone-mapped, above the second clipped.
+TONE_MAPPED_RATIO, CLIPPED_RATIO = 0.03, 0.065
+WHITE_SHARE = 0.999  # of the pixels lie below where white stands
+WHITE_LOW, WHITE_FULL = 0.8, 0.95  # white standing below the first was never folded there
+DARK_CODE, ORDINARY_CODE = 0.2, 0.35  # of the middle tone, BT.1886
+GREATEST_WEIGHT = 2.5  # of eq. 11's gain
+_GAMMA = 2.4
+
+
+@dataclass(frozen=True)
+class Rendering:
+    """What a picture tells of its own rendering; shares of its pixels, 0 to 1.
+
+    `clipped` have their greatest channel at white, `bright` between 0.3 of white and there;
+    `white` is the level, of SDR white, that all but a thousandth stay below; `middle_code` the
+    median's code. `tone_mapped` is 0 for a clipped camera, 1 where the highlights were folded;
+    `night` 1 where the picture is dark, so that what is bright in it is a light.
+    """
+
+    clipped: float
+    bright: float
+    white: float
+    middle_code: float
+    footage: str = "auto"
+
+    @property
+    def tone_mapped(self) -> float:
+        """1 where eq. 11 is right, 0 where it would harm, and between."""
+        if self.footage != "auto":
+            return float(self.footage == "tone-mapped")
+        ratio = math.log((self.clipped + 1e-6) / (self.bright + 1e-4))
+        folded = 1 - _ramp(ratio, math.log(TONE_MAPPED_RATIO), math.log(CLIPPED_RATIO))
+        return folded * _ramp(self.white, WHITE_LOW, WHITE_FULL)
+
+    @property
+    def night(self) -> float:
+        """1 in the dark, 0 from ordinary middle tones on."""
+        return 1 - _ramp(self.middle_code, DARK_CODE, ORDINARY_CODE)
+
+    def in_words(self, l_max: float) -> str:
+        """What was found and what is done, in a line."""
+        white = f"white stands at {self.white:.0%}"
+        if self.tone_mapped >= 0.5:
+            how = "highlights roll off" if self.clipped < 0.005 else "highlights are folded"
+            return f"{how}, {white}: tone-mapped; eq. 11, L'max {l_max**self.tone_mapped:.1f}"
+        if self.white < WHITE_FULL and self.clipped < 1e-3:
+            return f"nothing reaches white ({white}): left as it is"
+        return f"{self.clipped:.1%} clipped: a camera's; clipped highlights are restored"
+
+
+def rendering_of(rgb_linear: Float32, footage: str = "auto") -> Rendering:
+    """Read a picture's rendering; `rgb_linear` float32 (H, W, 3) in [0, 1], at analysis size.
+
+    `footage` is the setting of that name: other than "auto" it says what a person knows.
+    """
+    greatest = rgb_linear.max(axis=-1)
+    clipped = greatest >= np.float32(CLIPPED_FROM)
+    bright = (greatest >= np.float32(BRIGHT_FROM)) & ~clipped
+    middle, white = np.quantile(greatest, (0.5, WHITE_SHARE))
+    return Rendering(
+        float(clipped.mean()),
+        float(bright.mean()),
+        float(white),
+        float(middle) ** (1 / _GAMMA),
+        footage,
+    )
+
+
+def curve_weight(rgb_linear: Float32, rendering: Rendering, lamps: float) -> Float32:
+    """Eq. 11's weight at each place, over GREATEST_WEIGHT: float32 (H, W) in [0, 1].
+
+    The exponent of eq. 11's gain: 0 leaves a place as it is. Half of it is the picture's, half the
+    density of light around, as in the paper's Expand Map; `lamps` weighs small bright things.
+    """
+    tone_mapped, night = rendering.tone_mapped, rendering.night
+    if tone_mapped == 0:
+        return np.zeros(rgb_linear.shape[:2], np.float32)
+    luminance = luminance_of([rgb_linear[..., c] for c in range(3)])
+    weight = light_density(luminance)
+    weight *= np.float32(0.5 * (1 + night))
+    weight += np.float32(0.5 * (1 + night))
+    dark = max(night, min(lamps - 1, 1.0))  # who asks for more lamps gets them by day, too
+    if lamps > 0 and dark > 0:
+        weight += np.float32(lamps * dark) * small_lights(rgb_linear.max(axis=-1))
+    weight *= np.float32(tone_mapped / GREATEST_WEIGHT)
+    return np.asarray(np.minimum(weight, 1), np.float32)
+
+
+def light_density(luminance: Float32) -> Float32:
+    """Median cut's density of light where its lights are many and the disc's edge soft: (H, W).
+
+    All lights of a median cut have the same power, so their density is the local mean of luminance
+    over the picture's. From 0 where it is 0.75 times that of a uniformly lit picture to 1 at 2.75
+    times: the paper's threshold of 4 lights, softly counted (`expand_map.density`).
+    """
+    height, width = luminance.shape
+    side = math.sqrt(height * width)
+    size = (max(1, width // 4), max(1, height // 4))
+    small = cv2.resize(luminance, size, interpolation=cv2.INTER_AREA).reshape(size[::-1])
+    mean = _blurred(small, 0.0128 * side / 4) / max(float(small.mean()), 1e-4)
+    dense = _blurred(_ramps(mean, 0.75, 2.75), 0.024 * side / 4)
+    full = cv2.resize(dense, (width, height), interpolation=cv2.INTER_LINEAR)
+    return np.asarray(full, np.float32).reshape(height, width)
+
+
+def small_lights(greatest: Float32) -> Float32:
+    """How far each place is a small light by itself, in dark surroundings: (H, W) in [0, 1].
+
+    At least 2 stops brighter than what an opening leaves around it, wholly from 3.5 stops on.
+    """
+    side = max(3, 2 * round(0.02 * math.sqrt(greatest.size)) + 1)
+    around = cv2.morphologyEx(greatest, cv2.MORPH_OPEN, np.ones((side, side), np.uint8))
+    around = cv2.blur(around, (side, side)).reshape(greatest.shape)
+    ratio = np.log2((greatest + np.float32(0.01)) / (around + np.float32(0.01)))
+    alone = _ramps(ratio, 2, 3.5) * _ramps(greatest, 0.15, 0.4)
+    wide = cv2.dilate(alone, np.ones((3, 3), np.uint8))
+    return np.asarray(cv2.blur(wide, (3, 3)), np.float32).reshape(greatest.shape)
+
+
+def known_clipped(rgb_linear: Float32) -> Float32:
+    """Where each channel is known to have clipped: float32 (H, W, 3) in [0, 1].
+
+    It must stand at white in more than a pixel or two of nine, so that a lone bright pixel of a
+    wall is no lamp; the places beside count, too.
+    """
+    shape = rgb_linear.shape
+    share = cv2.blur((rgb_linear >= np.float32(CLIPPED_FROM)).astype(np.float32), (3, 3))
+    known = cv2.dilate(_ramps(share, 0.12, 0.45), np.ones((3, 3), np.uint8))
+    return np.asarray(known, np.float32).reshape(shape)
+
+
+def _blurred(plane: Float32, sigma: float) -> Float32:
+    blurred = cv2.GaussianBlur(plane, (0, 0), max(sigma, 0.3), borderType=cv2.BORDER_REFLECT)
+    return np.asarray(blurred, np.float32).reshape(plane.shape)
+
+
+def _ramp(value: float, low: float, high: float) -> float:
+    t = min(max((value - low) / (high - low), 0.0), 1.0)
+    return t * t * (3 - 2 * t)
+
+
+def _ramps(values: Float32, low: float, high: float) -> Float32:
+    t = np.clip((values - np.float32(low)) * np.float32(1 / (high - low)), 0, 1)
+    return np.asarray(t * t * (np.float32(3) - np.float32(2) * t), np.float32)
