@@ -10,8 +10,8 @@ from itmo_video.look import Look
 # These come after the map, whoever makes it. A setting that is not named here counts as one that
 # the map depends on: too many maps are made then, never a wrong one shown.
 AFTER_THE_MAP = frozenset(
-    {"strength", "hue", "over_white", "edge_aware", "noise_guard", "primaries", "compression", "layers",
-     "owner", "comments", "timecode"}
+    {"strength", "hue", "over_white", "edge_aware", "noise_guard", "primaries", "compression",
+     "layers", "owner", "comments", "timecode"}
 )  # fmt: skip
 # The paper's Expand Map knows nothing of the curve that it weighs.
 OF_THE_CURVE = frozenset(
