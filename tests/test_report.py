@@ -13,6 +13,7 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
+from browser import chromium
 from clips import moving_scene, write_ffv1
 
 from itmo_video import make_settings
@@ -24,12 +25,7 @@ from itmo_video.output.exr import read_exr
 from itmo_video.output.folder import MANIFEST_NAME
 
 HOSTILE = "<script>alert(1)<∕script>.mkv"  # file names cannot hold a plain slash
-CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
 WEIGHTS = (0.2126, 0.7152, 0.0722)
-FLAGS = [
-    "--headless", "--no-sandbox", "--disable-gpu", "--disable-background-networking",
-    "--disable-component-update", "--disable-sync", "--no-first-run",
-]  # fmt: skip
 
 
 @pytest.fixture(scope="module")
@@ -145,13 +141,8 @@ def test_plots_stay_in_their_box() -> None:
 
 @pytest.fixture(scope="module")
 def browser() -> Iterator[Any]:
-    if CHROMIUM is None:
-        pytest.skip("Chromium is not installed (apt-get install chromium)")
-    sync_api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
-    with sync_api.sync_playwright() as play:
-        browser = play.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
-        yield browser
-        browser.close()
+    with chromium() as opened:
+        yield opened
 
 
 @pytest.fixture

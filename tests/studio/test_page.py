@@ -9,6 +9,7 @@ from typing import Any
 import driven
 import numpy as np
 import pytest
+from browser import chromium
 from clips import SHARED
 from driven import Page
 
@@ -23,7 +24,7 @@ REAL = SHARED / "data" / "clips" / "cvvdp_ferris-ref.mp4"
 
 @pytest.fixture(scope="module")
 def browser() -> Iterator[Any]:
-    with driven.browser() as opened:
+    with chromium() as opened:
         yield opened
 
 
