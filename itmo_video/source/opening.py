@@ -27,6 +27,11 @@ def open_clip(path: str | Path, options: InputOptions | None = None) -> Clip:
 
     With `options.fps` it is resampled to that rate; a sequence of images has it. Raises InputError
     when it cannot be read and AlreadyHdrError when it is HDR already.
+
+    >>> from itmo_video import open_clip
+    >>> with open_clip("clip.mkv") as clip:
+    ...     clip.info.display_size, [frame.index for frame in clip.frames()]
+    ((96, 64), [0, 1, 2])
     """
     options = options or InputOptions()
     absolute = Path(os.path.abspath(path))
