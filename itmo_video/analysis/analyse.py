@@ -22,6 +22,7 @@ from itmo_video.model import Frame
 from itmo_video.motion.shots import Analysed, analyse_frame, difference, place
 from itmo_video.presets import make_settings
 from itmo_video.settings import Settings
+from itmo_video.source.clip import first_number
 from itmo_video.source.opening import Clip, input_options, open_clip
 
 _BINS = 1024  # of luminance to the power 1/2.4, so that they are about equally visible
@@ -91,7 +92,7 @@ def analyse(
     source: str | Path,
     settings: Settings | None = None,
     *,
-    start_number: int = 1,
+    start_number: int | None = None,
     max_pixels: int = 2**27,
     on_event: OnEvent = ignore,
     on_frame: Callable[[int], None] = lambda index: None,
@@ -112,7 +113,7 @@ def analyse(
         info = clip.info
         for notice in info.notices:
             on_event(Warned(notice))
-        first = info.first_number if info.first_number is not None else start_number
+        first = first_number(info, start_number)
         tallies: dict[int, _Tally] = {}
         times: list[Fraction] = []
         edges = _Edges()

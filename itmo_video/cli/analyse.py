@@ -49,7 +49,7 @@ def analyse_to(
     source: str,
     output: str | None,
     settings: Settings,
-    start_number: int,
+    start_number: int | None,
     max_pixels: int,
     *,
     overwrite: bool,

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import argparse
 import os
+import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -38,12 +40,17 @@ def add_convert(commands: Any) -> None:
         "inputs",
         metavar="INPUT",
         nargs="+",
-        help="a clip, a still, or an image sequence (img.%%04d.png); of several inputs, each "
-        "goes to its own folder OUTPUT_DIR/<stem>",
+        help="a clip, a still, or an image sequence (img.%%04d.png, or img.*.png as the shell "
+        "lists it); of several inputs, each goes to its own folder OUTPUT_DIR/<stem>",
     )
     convert.add_argument("output", metavar="OUTPUT_DIR", help="the folder that the frames go to")
     add_settings(convert)
     add_run_options(convert)
+    convert.add_argument(
+        "--name", metavar="TEMPLATE",
+        help="the folder in OUTPUT_DIR of each input, such as {parent}-{stem}; {suffix} and "
+        "{number} (of the input, from 1) are known, too",
+    )  # fmt: skip
     convert.add_argument(
         "--report", action="store_true", help="also write OUTPUT_DIR/report.html about it"
     )
@@ -56,11 +63,18 @@ def add_convert(commands: Any) -> None:
 
 
 def _convert(args: argparse.Namespace) -> int:
+    from itmo_video.cli import outputs
+
     settings = settings_of(args)
-    run = options_of(args, RunOptions)
-    kinds = _side_files(args.side_files, settings, run)
+    asked = options_of(args, RunOptions)
+    kinds = _side_files(args.side_files, settings, asked)
     code = 0
-    for source, output in _outputs(args.inputs, args.output):
+    found = outputs.named(args.inputs, args.output, args.name)
+    if not args.quiet:
+        for notice in found.notices:
+            print(f"itmo-video: {notice}", file=sys.stderr)
+    for source, output, frames in found.conversions:
+        run = replace(asked, frames=frames if asked.frames is None else asked.frames)
         try:
             _convert_one(args, source, output, settings, run)
             if kinds and not (args.verify or args.dry_run):
@@ -68,7 +82,7 @@ def _convert(args: argparse.Namespace) -> int:
 
                 write_side_files(output, kinds)
         except ItmoError as error:
-            if len(args.inputs) == 1:
+            if len(found.conversions) == 1:
                 raise
             # One bad input of many must not keep the others from being made.
             code = max(code, reported(error))
@@ -84,17 +98,6 @@ def _side_files(text: str | None, settings: Settings, run: RunOptions) -> list[s
         if run.null:
             raise UsageError("side files need the frames", remedy="Leave --null or them out.")
     return kinds
-
-
-def _outputs(inputs: list[str], output: str) -> list[tuple[str, str]]:
-    if len(inputs) == 1:
-        return [(inputs[0], output)]
-    stems = [os.path.splitext(os.path.basename(source))[0] for source in inputs]
-    if twice := sorted({stem for stem in stems if stems.count(stem) > 1}):
-        raise UsageError(
-            f"several inputs are called {', '.join(twice)}", remedy="Convert them one by one."
-        )
-    return [(s, os.path.join(output, stem)) for s, stem in zip(inputs, stems, strict=True)]
 
 
 def _convert_one(

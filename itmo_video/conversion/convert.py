@@ -18,7 +18,7 @@ from itmo_video.events import Finished, FrameDone, OnEvent, Started, Warned, ign
 from itmo_video.look import make_look
 from itmo_video.model import Frame
 from itmo_video.output import disk_space, exr
-from itmo_video.output.folder import OutputFolder, free_bytes
+from itmo_video.output.folder import OutputFolder, check_folder_name, free_bytes
 from itmo_video.presets import make_settings
 from itmo_video.rendering import spans
 from itmo_video.rendering.frame import Rendered
@@ -84,6 +84,7 @@ def convert(
     (2, [])
     """
     settings, run = settings or make_settings(), run or RunOptions()
+    check_folder_name(output, source)
     began = time.monotonic()
     with open_clip(source, input_options(settings, run.max_pixels)) as clip:
         plan = make_plan(clip, make_look(settings), run)

@@ -23,7 +23,7 @@ from itmo_video.output.folder import Manifest
 from itmo_video.output.frame_form import FrameForm
 from itmo_video.rendering import spans
 from itmo_video.settings import Settings
-from itmo_video.source.opening import Clip
+from itmo_video.source.clip import Clip, first_number
 
 ALGORITHM = 6  # raise it whenever the same settings give other pixels
 
@@ -130,7 +130,7 @@ class Plan:
 def make_plan(clip: Clip, look: Look, run: RunOptions) -> Plan:
     """Resolve ranges, numbers and shots; raises UsageError where they do not fit the clip."""
     info = clip.info
-    first = info.first_number if info.first_number is not None else run.start_number
+    first = first_number(info, run.start_number)
     numbers = {first + index: index for index in range(info.frames)}
     if run.frames is not None:
         asked = parse_ranges(run.frames)

@@ -24,7 +24,9 @@ class RunOptions:
     frames: str | None = option(
         None, str, "numbers as in the file names: 1-100,200-300x2", metavar="RANGES"
     )
-    start_number: int = option(1, int, "of the first frame", lower=0, metavar="N")
+    start_number: int | None = option(
+        None, int, "of the first frame (1; image sequences keep their own)", lower=0, metavar="N"
+    )
     jobs: int | None = option(None, int, "worker threads (the cores)", lower=1, metavar="N")
     overwrite: bool = option(False, bool, "replace what is there; of a folder, all frames")
     update: bool = option(False, bool, "make again what other settings made")

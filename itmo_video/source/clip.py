@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from fractions import Fraction
 from math import ceil
 
+from itmo_video.errors import UsageError
 from itmo_video.model import ClipInfo, Frame
 
 _ROUNDING_S = Fraction(1, 1000)  # Matroska's stamps are rounded to whole milliseconds
@@ -45,6 +46,23 @@ class Clip:
 
     def __exit__(self, *exc: object) -> None:
         self.close()
+
+
+def first_number(info: ClipInfo, asked: int | None) -> int:
+    """The number of a clip's first frame as files are named: its own, `asked`, or 1.
+
+    Raises UsageError where another one is asked for than an image sequence has.
+    """
+    own = info.first_number
+    if asked is None:
+        return 1 if own is None else own
+    if own not in (None, asked) and info.container == "image sequence":
+        raise UsageError(
+            f"an image sequence keeps its own numbers, from {own} on",
+            where=info.path,
+            remedy="Leave --start-number out.",
+        )
+    return asked
 
 
 class Resampled(Clip):

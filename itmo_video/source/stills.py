@@ -21,12 +21,12 @@ from itmo_video.source.tags import InputOptions
 from itmo_video.words import missing
 
 STILL_RATE = Fraction(24)  # images have no rate of their own
-_NUMBER = re.compile(r"%0?(\d*)d|#+")
+NUMBER_PATTERN = re.compile(r"%0?(\d*)d|#+")
 
 
 def is_pattern(path: Path) -> bool:
     """Whether the name stands for a numbered sequence: `img.%04d.png`, `img.####.png`."""
-    return _NUMBER.search(path.name) is not None
+    return NUMBER_PATTERN.search(path.name) is not None
 
 
 class StillClip(Clip):
@@ -63,9 +63,10 @@ class StillClip(Clip):
             named = ", ".join(map(str, gaps[:8])) + ", ..." * (len(gaps) > 8)
             notices.append(f"of the sequence {missing(len(gaps), 'number')}: {named}")
         width, height = picture.size
+        stem, number = _own_number(path) if self._is_single else (_sequence_stem(path), self._first)
         self.info = ClipInfo(
             path=str(path),
-            stem=path.stem if self._is_single else _sequence_stem(path),
+            stem=stem,
             container="image" if self._is_single else "image sequence",
             codec=picture.codec,
             pixel_format=picture.form,
@@ -82,7 +83,7 @@ class StillClip(Clip):
             timecode=None,
             encoding=frame.encoding,
             digest=self._source.digest(),
-            first_number=None if self._is_single else self._first,
+            first_number=number,
             notices=tuple(notices),
         )
 
@@ -137,7 +138,7 @@ class StillClip(Clip):
 
 def sequence(path: Path) -> dict[int, Path]:
     """The files of a numbered pattern, by number; InputError when there are none."""
-    match = _NUMBER.search(path.name)
+    match = NUMBER_PATTERN.search(path.name)
     assert match is not None
     digits = int(match[1] or 1) if match[0].startswith("%") else len(match[0])
     before, after = (
@@ -158,7 +159,13 @@ def sequence(path: Path) -> dict[int, Path]:
     return files
 
 
+def _own_number(path: Path) -> tuple[str, int | None]:
+    """Stem and number of a single picture: `img.0007.png` is number 7 of `img`."""
+    match = re.fullmatch(r"(.+)\.([0-9]{1,9})", path.stem, re.DOTALL)
+    return (match[1], int(match[2])) if match else (path.stem, None)
+
+
 def _sequence_stem(path: Path) -> str:
-    match = _NUMBER.search(path.name)
+    match = NUMBER_PATTERN.search(path.name)
     stem = path.name[: match.start()] if match else path.stem
     return stem.rstrip("._- ") or path.parent.name or "frame"

@@ -15,6 +15,7 @@ from itmo_video.analysis.model import Analysis
 from itmo_video.conversion.run_options import RunOptions
 from itmo_video.errors import InputError, ItmoError, UsageError
 from itmo_video.model import ClipInfo
+from itmo_video.source.clip import first_number
 from itmo_video.source.opening import input_files, input_options
 from itmo_video.studio import document as documents
 from itmo_video.studio.document import Document, History
@@ -43,8 +44,7 @@ class Desk:
         self._max_pixels = run.max_pixels
         self._session = Session(source, input_options(document.settings, run.max_pixels))
         self.info: ClipInfo = self._session.clip.info
-        first = self.info.first_number
-        self.first_number = run.start_number if first is None else first
+        self.first_number = first_number(self.info, run.start_number)
         self.history = History(document)
         self.version = 1
         self.other: Document | None = None
@@ -208,8 +208,7 @@ class Desk:
             arguments += ["--preset", str(private.save("preset", f"p{serial}", now, True))]
             if now.own_looks(self.info):
                 arguments += ["--analysis", str(private.save("shots", f"s{serial}", now, True))]
-            if self.info.first_number is None:
-                arguments += ["--start-number", str(self.first_number)]
+            arguments += ["--start-number", str(self.first_number)]
             arguments += ["--max-pixels", str(self._max_pixels)]
         self.runner.start(kind, arguments, output)
         return output
