@@ -36,7 +36,9 @@ def read_regular(path: StrPath, most_bytes: int) -> bytes:
     with open_regular(path) as file:
         try:
             size = os.fstat(file.fileno()).st_size
-            data = file.read(most_bytes + 1) if size <= most_bytes else b""
+            # Python takes memory for all that is asked for, so no more is than is there.
+            asked = min(most_bytes, size + (1 << 20)) + 1
+            data = file.read(asked) if size <= most_bytes else b""
         except OSError as error:
             raise _unreadable(path, error) from error
     if max(size, len(data)) > most_bytes:

@@ -12,11 +12,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 from clips import SHARED
-from stills import linear_srgb
+from stills import encoded, linear_srgb, noise
 
 from itmo_video.cli.main import main
 from itmo_video.colour import linear_light
 from itmo_video.errors import AlreadyHdrError, InputError, UsageError
+from itmo_video.evaluation.folders import read_rgb
+from itmo_video.output.exr import read_exr
 from itmo_video.source.opening import open_clip
 from itmo_video.source.tags import InputOptions
 
@@ -159,3 +161,33 @@ def test_19_crops_of_containers_are_applied() -> None:
     frame = next(iter(clip.frames()))
     assert frame.size == (320, 160)
     assert np.dstack(linear_light.to_rgb_linear(frame, clip=True)).min() > 0.1, "black lines"
+
+
+def test_20_timecode_above_30_a_second_is_on_no_frame_and_told(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    source = report("20_small/tc_df60.mov")
+    assert main(["convert", str(source), str(tmp_path), "--strength", "0"]) == 0
+    assert "01:00:59;56" in capsys.readouterr().err
+    codes = [read_exr(path).attributes.get("timeCode") for path in sorted(tmp_path.glob("*.exr"))]
+    assert codes == [None] * 12
+
+
+def test_20_a_truth_in_a_data_window_is_placed() -> None:
+    path = report("20_small/autocropped_truth/ev.0001.exr")
+    rgb = read_rgb(path)
+    assert rgb.shape == (120, 200, 3)
+    assert not rgb[:12].any()
+    assert rgb[12:108, 20:180].any()
+
+
+def test_09_a_truncated_image_of_a_sequence_is_named(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    data = [encoded(noise(48, 64, seed=n), "JPEG") for n in range(3)]
+    for n, image in enumerate(data):
+        (tmp_path / f"s.{n}.jpg").write_bytes(image[: len(image) // 2] if n == 1 else image)
+    assert main(["convert", str(tmp_path / "s.%d.jpg"), str(tmp_path / "out"), "--quiet"]) == 4
+    told = capsys.readouterr().err
+    assert "frames 1 could not be decoded (s.1.jpg: it is cut short" in told
+    assert len(list((tmp_path / "out").glob("*.exr"))) == 2

@@ -107,7 +107,7 @@ def convert(
     on_event(Finished(**dataclasses.asdict(summary)))
     cut_short = (plan.clip.frames_declared or 0) - plan.clip.frames if run.frames is None else 0
     if ended or summary.missing or summary.damaged or cut_short > 0:
-        raise _damage(plan, summary, ended, cut_short)
+        raise _damage(plan, summary, ended, cut_short, clip.faults)
     if others:
         raise _other_settings(others, folder)
     return summary
@@ -171,11 +171,18 @@ def _other_settings(numbers: list[int], folder: OutputFolder) -> OutputError:
 
 
 def _damage(
-    plan: Plan, summary: Summary, ended: list[DamagedInputError], cut_short: int
+    plan: Plan,
+    summary: Summary,
+    ended: list[DamagedInputError],
+    cut_short: int,
+    faults: Mapping[int, str],
 ) -> DamagedInputError:
     told = [error.what for error in ended]
     if summary.missing:
-        told.append(f"frames {format_ranges(summary.missing)} could not be decoded")
+        missing_at = [plan.numbers[number] for number in summary.missing]
+        reasons = [faults[index] for index in missing_at if index in faults]
+        why = f" ({'; '.join(reasons[:3])}{', ...' * (len(reasons) > 3)})" if reasons else ""
+        told.append(f"frames {format_ranges(summary.missing)} could not be decoded{why}")
     if summary.damaged:
         told.append(f"frames {format_ranges(summary.damaged)} are damaged in the source")
     if cut_short > 0:

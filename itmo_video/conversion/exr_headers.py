@@ -46,8 +46,11 @@ def exr_header(plan: Plan, number: int, time_s: Fraction) -> exr.ExrHeader:
 def frame_timecode(settings: Settings, info: ClipInfo, index: int, number: int) -> str | None:
     """A frame's timecode: as the settings ask, else the source's own, counted on; None for none.
 
-    `auto` gives a source without timecode its frame numbers, counted from 00:00:00:00.
+    None for all of a clip whose rate EXR's timeCode cannot count. `auto` gives a source without
+    timecode its frame numbers, counted from 00:00:00:00.
     """
+    if not timecode.fits(info.frame_rate):
+        return None
     if settings.timecode not in (None, "auto"):
         return timecode.advance(str(settings.timecode), index, info.frame_rate)
     if info.timecode is not None:

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from itmo_video.analysis.model import Analysis
+from itmo_video.conversion import timecode
 from itmo_video.conversion.frame_ranges import format_ranges, parse_ranges
 from itmo_video.conversion.run_options import RunOptions
 from itmo_video.errors import UsageError
@@ -148,7 +149,7 @@ def make_plan(clip: Clip, look: Look, run: RunOptions) -> Plan:
     shots = shot_looks(info, look.settings, run.analysis)
     looks = (look, *(shot.look for shot in shots))
     memory = max(spans.memory_bound_bytes(width, height, wide, own, jobs) for own in looks)
-    notices = (*info.notices, *_left_out(numbers, first, run.analysis))
+    notices = (*info.notices, *_no_timecode(info), *_left_out(numbers, first, run.analysis))
     return Plan(info, look, numbers, first, memory, jobs, shots, notices)
 
 
@@ -162,6 +163,15 @@ def _left_out(numbers: Mapping[int, int], first: int, analysis: Analysis | None)
         return []
     told = f"frames {format_ranges(alone)} are in no shot of {analysis.where or 'the analysis'}"
     return [f"{told}: they are made as the rest of the clip"]
+
+
+def _no_timecode(info: ClipInfo) -> list[str]:
+    if info.timecode is None or timecode.fits(info.frame_rate):
+        return []
+    return [
+        f"its timecode {info.timecode} is left out of all frames: EXR's timeCode counts 30 frames "
+        "a second at most"
+    ]
 
 
 def _check_timecode(info: ClipInfo, settings: Settings) -> None:

@@ -6,6 +6,11 @@ import re
 from fractions import Fraction
 
 
+def fits(rate: Fraction) -> bool:
+    """Whether EXR's timeCode can count frames at a rate: SMPTE 12M's fields end at 30 a second."""
+    return round(rate) <= 30
+
+
 def advance(start: str, frames: int, rate: Fraction) -> str | None:
     """The timecode `frames` frames after `start`, or None if that is no timecode.
 

@@ -30,6 +30,8 @@ class AnimationClip(Clip):
         self, path: Path, kind: StillFormat, timing: Timing, options: InputOptions
     ) -> None:
         self._path, self._kind, self._options = path, kind, options
+        if not timing.lengths_s:
+            raise InputError(f"cannot be decoded: {timing.damage}", where=str(path))
         self._has_alpha = timing.needs_alpha
         self._colour: StillColour | None = None  # the first frame's, which is the file's
         size = stated_size(path.read_bytes()[:4096], kind)

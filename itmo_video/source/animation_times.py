@@ -36,7 +36,7 @@ def timing(data: bytes, kind: StillFormat) -> Timing | None:
         found = _gif(data)
     elif kind == "apng":
         found = _apng(data)
-    elif kind == "avif" and b"moov" in data:
+    elif kind == "avif" and b"avis" in data[:64]:
         found = _avif(data)
     else:
         return None
@@ -127,5 +127,7 @@ def _apng(data: bytes) -> Timing:
 
 def _avif(data: bytes) -> Timing:
     times, end = avif.frame_times(data)
+    if not times:
+        return Timing((), 2, "the times of its frames cannot be read")
     lengths = tuple(b - a for a, b in zip(times, (*times[1:], end), strict=True))
     return Timing(tuple(max(length, Fraction(1, 1000)) for length in lengths), len(times))

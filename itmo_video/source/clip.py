@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import dataclasses
 from bisect import bisect_right
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from fractions import Fraction
 from math import ceil
+from types import MappingProxyType
 
 from itmo_video.errors import UsageError
 from itmo_video.model import ClipInfo, Frame
@@ -24,6 +25,7 @@ class Clip:
     """
 
     info: ClipInfo
+    faults: Mapping[int, str] = MappingProxyType({})  # by index, why frames do not decode
 
     def frames(self, start: int = 0) -> Iterator[Frame]:
         """Yield the frames from index `start` on, in presentation order, the same whatever `start`.

@@ -48,7 +48,7 @@ def opened(data: bytes, kind: StillFormat, max_pixels: int, where: str) -> Itera
         "jpeg": JpegImagePlugin.JpegImageFile,
         "tiff": TiffImagePlugin.TiffImageFile,
     }
-    with decoding(where):
+    with decoding(where, (Image.DecompressionBombError,)):
         image = readers[kind](io.BytesIO(data))
     try:
         check_pixels(image.width, image.height, max_pixels, where)

@@ -38,7 +38,7 @@ class StillClip(Clip):
 
     def __init__(self, path: Path, files: dict[int, Path], options: InputOptions) -> None:
         self._path, self._files, self._options = path, dict(sorted(files.items())), options
-        self.faults: dict[int, str] = {}
+        self.faults = self._faults = dict[int, str]()
         self._source = SourceFiles(self._files.values(), PICTURE_BYTES)
         self._first = min(files)
         self._rate = Fraction(options.fps or STILL_RATE)
@@ -48,6 +48,7 @@ class StillClip(Clip):
             reason = next(iter(self.faults.values()))
             raise InputError(f"none of its images can be decoded: {reason}", where=str(path))
         frame, picture, told = found
+        self._ahead = {self._first + frame.index: found}  # whoever reads it first has it
         self._alpha, self._size = frame.encoding.has_alpha, frame.size
         count = max(self._files) - self._first + 1
         notices = [*picture.notices, *told]
@@ -93,7 +94,7 @@ class StillClip(Clip):
             if number - self._first < start:
                 continue
             self._source.check(file)
-            found = self._read(number, file)
+            found = self._ahead.pop(number, None) or self._read(number, file)
             self._source.check(file)  # what was read is what was hashed
             if found is None:
                 continue
@@ -124,12 +125,12 @@ class StillClip(Clip):
         except InputError as error:
             if self._is_single:
                 raise
-            self.faults[index] = f"{file.name}: {error.what}"
+            self._faults[index] = f"{file.name}: {error.what}"
             return None
         except DamagedInputError as error:
             if self._is_single:
                 raise InputError(f"cannot be decoded: {error.what}", where=str(file)) from error
-            self.faults[index] = f"{file.name}: {error.what}"
+            self._faults[index] = f"{file.name}: {error.what}"
             return None
         done, encoding, told = still_colour.resolve(picture, self._options, str(file))
         planes, encoding = upright(done.planes, picture.turn, encoding)

@@ -1,0 +1,155 @@
+"""Mutants of stills and field reports, each read by a fork with 2 GB of memory and 20 s.
+
+    python tests/fuzz_inputs.py [--count 3000] [--seed 0] [--only NAME] [FILE...]
+
+Without files: a still of every format that is read, made here, and ../shared's field reports. The
+mutant `n` of a run is that of seed and n alone, so `--only-number n` makes it again. Wrong is any
+error that is not one of ours (a traceback), a signal, a hang, more memory, and a clip that is read
+without a word though frames of it are missing or of another size than it says.
+"""
+
+from __future__ import annotations
+
+import argparse
+import io
+import os
+import random
+import resource
+import signal
+import sys
+import tempfile
+from collections import Counter
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+from clips import SHARED
+from fuzz import mutate
+
+MEMORY_BYTES, SECONDS = 2 << 30, 20
+WHOLE, REFUSED, SHORT, WRONG = 0, 1, 2, 3
+
+
+def made_stills(folder: Path) -> list[Path]:
+    """A still of every format, and an animation of each kind, in a folder."""
+    import pillow_heif
+    from PIL import Image
+
+    pillow_heif.register_heif_opener()
+    y, x = np.mgrid[:48, :64]
+    waves = np.dstack([128 + 100 * np.sin(x / (4 + i) + y / 6) for i in range(3)])
+    picture = Image.fromarray(waves.astype(np.uint8))
+    moved = [Image.fromarray(np.roll(waves, 5 * n, 1).astype(np.uint8)) for n in range(4)]
+    forms = {
+        "a.jpg": ("JPEG", {}), "progressive.jpg": ("JPEG", {"progressive": True}),
+        "a.png": ("PNG", {}), "raw.tif": ("TIFF", {}), "lzw.tif": ("TIFF", {"compression":
+        "tiff_lzw"}), "zip.tif": ("TIFF", {"compression": "tiff_adobe_deflate"}),
+        "jpeg.tif": ("TIFF", {"compression": "jpeg"}), "a.webp": ("WEBP", {}),
+        "lossless.webp": ("WEBP", {"lossless": True}), "a.gif": ("GIF", {}), "a.bmp": ("BMP", {}),
+        "a.ppm": ("PPM", {}), "a.jp2": ("JPEG2000", {}), "a.avif": ("AVIF", {}),
+        "a.heic": ("HEIF", {}), "a.qoi": ("QOI", {}),
+    }  # fmt: skip
+    paths = []
+    for name, (form, options) in forms.items():
+        data = io.BytesIO()
+        picture.save(data, form, **options)
+        paths.append(folder / name)
+        paths[-1].write_bytes(data.getvalue())
+    for name, form in (("b.gif", "GIF"), ("b.webp", "WEBP"), ("b.png", "PNG"), ("b.avif", "AVIF")):
+        paths.append(folder / name)
+        moved[0].save(paths[-1], form, save_all=True, append_images=moved[1:], duration=80)
+    return paths
+
+
+def field_reports() -> list[Path]:
+    """The files of ../shared's field reports, where they are."""
+    folder = SHARED / "data/field_reports"
+    return sorted(p for p in folder.rglob("*.*") if p.suffix not in (".md", ".exr"))
+
+
+def read_whole(path: Path) -> int:
+    """Read a clip as `convert` does; WHOLE only if each of its frames came, of the size it says."""
+    from itmo_video.errors import DamagedInputError, ItmoError
+    from itmo_video.source.opening import open_clip
+
+    try:
+        with open_clip(path) as clip:
+            seen = 0
+            for frame in clip.frames():
+                seen += not frame.is_damaged
+                if frame.size != clip.info.display_size:
+                    return WRONG
+            is_short = (clip.info.frames_declared or 0) > clip.info.frames
+            return SHORT if seen < clip.info.frames or is_short else WHOLE
+    except DamagedInputError:
+        return SHORT
+    except ItmoError:
+        return REFUSED
+
+
+def run_one(path: Path) -> tuple[int | str, str]:
+    """What became of a mutant, in a fork: one of the codes or what went wrong, and its errors."""
+    with tempfile.TemporaryFile() as told:
+        child = os.fork()
+        if child == 0:
+            os.dup2(told.fileno(), 2)
+            resource.setrlimit(resource.RLIMIT_AS, (MEMORY_BYTES, MEMORY_BYTES))
+            signal.alarm(SECONDS)
+            try:
+                os._exit(read_whole(path))
+            except BaseException:
+                import traceback
+
+                traceback.print_exc()
+                os._exit(99)
+        _, status = os.waitpid(child, 0)
+        told.seek(0)
+        errors = told.read().decode("utf-8", "replace")
+    if os.WIFSIGNALED(status):
+        number = os.WTERMSIG(status)
+        return "it hangs" if number == signal.SIGALRM else f"signal {number}", errors
+    code = os.WEXITSTATUS(status)
+    return {99: "a traceback", WRONG: "a frame of another size than told"}.get(code, code), errors
+
+
+def failures(
+    files: list[Path], count: int, seed: int, only: int | None = None
+) -> Iterator[tuple[int, str, str]]:
+    """(number, what is wrong, standard error) of mutants that were not treated as they should."""
+    import itmo_video.source.opening  # noqa: F401 - so that forks have it
+
+    codes: Counter[str] = Counter()
+    with tempfile.TemporaryDirectory() as name:
+        for number in range(count) if only is None else (only,):
+            original = files[number % len(files)]
+            data = mutate(original.read_bytes(), random.Random(f"{seed} {number}"))
+            mutant = Path(name) / f"m{original.suffix}"
+            mutant.write_bytes(data)
+            outcome, errors = run_one(mutant)
+            word = {WHOLE: "whole", REFUSED: "refused", SHORT: "short"}.get(outcome, str(outcome))
+            codes[word] += 1
+            if isinstance(outcome, str):
+                yield number, f"{original.name}: {outcome}", errors
+    print(dict(codes), file=sys.stderr)
+
+
+def main() -> int:
+    """Run all and tell."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("files", nargs="*", type=Path)
+    parser.add_argument("--count", type=int, default=3000)
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--only-number", type=int)
+    args = parser.parse_args()
+    with tempfile.TemporaryDirectory() as name:
+        files = args.files or [*made_stills(Path(name)), *field_reports()]
+        bad = 0
+        for number, what, errors in failures(files, args.count, args.seed, args.only_number):
+            bad += 1
+            print(f"mutant {number}: {what}\n{errors[-3000:]}", flush=True)
+    print(f"{args.count} mutants of {len(files)} files, seed {args.seed}: {bad} failures")
+    return 1 if bad else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
