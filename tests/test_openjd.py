@@ -7,7 +7,9 @@ from pathlib import Path
 
 import pytest
 
+from itmo_video import RunOptions
 from itmo_video.cli import main
+from itmo_video.cli.option_flags import options_of
 from itmo_video.conversion.frame_ranges import parse_ranges
 
 RECIPE = Path(__file__).parents[1] / "configs" / "openjd-convert.yaml"
@@ -63,5 +65,5 @@ def test_its_commands_are_ours() -> None:
     for action in commands:
         words = [re.sub(r"\{\{.*\}\}", "1", str(word)) for word in action.args]
         parsed = main._parser().parse_args(words)
-        assert parsed.frames == "1"
+        assert options_of(parsed, RunOptions).frames == "1"
         assert parsed.preset == "1"
