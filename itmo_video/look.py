@@ -46,10 +46,10 @@ class Look:
             idle |= {*_OF_MAP, "edge_aware", "key_interval", "temporal", "smooth_keys"}
             if not settings.noise_guard:
                 idle |= {"radius", "map_width", "projection"}
-        elif operator.make_map_rgb is not None:
+        elif operator.sees == "rgb":
             idle |= {*_OF_MAP, "edge_aware"}
             idle |= set() if settings.noise_guard else {"radius"}
-        if operator.make_map_rgb is None:
+        if operator.sees != "rgb":
             idle |= {"footage", "hue", "lamps"}
         if settings.temporal == "per-frame":
             idle.add("key_interval")

@@ -20,9 +20,10 @@ from itmo_video.model import Encoding, Frame
 from itmo_video.motion import flow
 from itmo_video.operators.auto import gain_auto
 from itmo_video.operators.base import Context
+from itmo_video.operators.luminance_operator import weighed
 from itmo_video.operators.photographic import gain_banterle2006
 from itmo_video.output import exr
-from itmo_video.rendering.frame import _weighed, _write_strip, render
+from itmo_video.rendering.frame import _write_strip, render
 from itmo_video.rendering.guidance import Guidance
 from itmo_video.rendering.guided_upsampling import edge_aware_coefficients
 
@@ -283,9 +284,9 @@ def test_expand_to_the_bit(strength):
     gain, weight = 1 + 9 * rng.random((40, 131), np.float32), rng.random((40, 131), np.float32)
     out = np.empty((3, 40, 131), np.float16)
     expand(loaded, rgb, gain, weight, 0.7, strength, out)
-    (weighed,) = _weighed(gain.copy(), [weight], 0.7, strength)
+    (gains,) = weighed(gain.copy(), [weight], 0.7, strength)
     want = np.empty_like(out)
-    _write_strip(rgb, [weighed], None, False, want)
+    _write_strip(rgb, [gains], None, False, want)
     assert np.array_equal(out, want)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -14,10 +15,13 @@ from itmo_video.operators import (
     OPERATORS,
     Context,
     FrameStats,
+    LuminanceOperator,
+    Operator,
     find_operator,
     geometric_mean,
     resolve_params,
 )
+from itmo_video.operators.auto import curve_auto
 from itmo_video.settings import Settings
 
 RAMP = np.linspace(0, 1, 4097, dtype=np.float32)
@@ -30,8 +34,17 @@ def context(name: str, l_max: float = 20, l_white: float | None = None, **given:
     return Context(l_max, l_white if l_white is not None else l_max, params, stats=STATS)
 
 
+def gain_of(name: str, luminance: Any, ctx: Context) -> Any:
+    """An operator's gain of grey where its map is 1."""
+    operator = OPERATORS[name]
+    if isinstance(operator, LuminanceOperator):
+        return operator.gain(luminance, ctx)
+    return operator.gains([luminance] * 3, None, [], ctx, 1.0)[0]
+
+
 def curve(name: str, luminance: Any, l_max: float = 20, **given: float) -> Any:
-    function = OPERATORS[name].curve
+    operator = OPERATORS[name]
+    function = operator.curve if isinstance(operator, LuminanceOperator) else curve_auto
     assert function is not None, f"{name} has no float64 reference"
     return function(np.asarray(luminance, np.float64), context(name, l_max, **given))
 
@@ -39,7 +52,7 @@ def curve(name: str, luminance: Any, l_max: float = 20, **given: float) -> Any:
 @pytest.mark.parametrize("name", sorted(OPERATORS))
 @pytest.mark.parametrize("l_max", [1.0, 4.93, 20.0, 1000.0])
 def test_white_becomes_l_max_and_nothing_is_infinite(name: str, l_max: float) -> None:
-    gain = OPERATORS[name].gain(RAMP, context(name, l_max))
+    gain = gain_of(name, RAMP, context(name, l_max))
     assert gain.dtype == np.float32
     assert np.isfinite(gain).all(), f"{name} is infinite somewhere"
     assert gain.min() >= 0, f"{name} makes light negative"
@@ -56,21 +69,21 @@ def test_expansion_is_monotone(name: str, l_max: float) -> None:
     assert expanded[0] == pytest.approx(0, abs=1e-9), f"{name} lifts black"
     rises = np.diff(expanded[expanded < l_max * (1 - 1e-12)]) > 0
     assert rises.all(), f"{name} maps a brighter pixel to a darker one"
-    assert (np.diff(OPERATORS[name].gain(RAMP, context(name, l_max)) * RAMP) >= 0).all()
+    assert (np.diff(gain_of(name, RAMP, context(name, l_max)) * RAMP) >= 0).all()
 
 
 @pytest.mark.parametrize("name", sorted(OPERATORS))
 @pytest.mark.parametrize("l_max", [1.0, 4.93, 200.0])
 def test_float32_gains_agree_with_the_float64_curves(name: str, l_max: float) -> None:
     luminance = RAMP[RAMP > 1e-3]
-    got = OPERATORS[name].gain(luminance, context(name, l_max)) * luminance.astype(np.float64)
+    got = gain_of(name, luminance, context(name, l_max)) * luminance.astype(np.float64)
     np.testing.assert_allclose(got, curve(name, luminance, l_max), rtol=2e-5, err_msg=name)
 
 
 @pytest.mark.parametrize("name", sorted(OPERATORS))
 def test_a_gain_is_a_new_array(name: str) -> None:
     luminance = RAMP.copy()
-    gain = OPERATORS[name].gain(luminance, context(name))
+    gain = gain_of(name, luminance, context(name))
     gain *= 0
     assert (luminance == RAMP).all(), f"{name} hands out its input, which rendering overwrites"
 
@@ -78,8 +91,8 @@ def test_a_gain_is_a_new_array(name: str) -> None:
 @given(st.floats(0.001, 1.0), st.floats(1.0, 500.0), st.floats(0.5, 500.0))
 def test_eq11_is_the_inverse_of_eq7(l_d: float, l_max: float, l_white: float) -> None:
     """Eq. 7 of the expanded luminance, scaled by alpha / mean of eq. 13, gives L_d back."""
-    gain = OPERATORS["banterle2006"].gain(
-        np.array([l_d], np.float32), context("banterle2006", l_max, l_white)
+    gain = gain_of(
+        "banterle2006", np.array([l_d], np.float32), context("banterle2006", l_max, l_white)
     )
     l_d32 = float(np.float32(l_d))
     l_m = l_d32 * float(gain[0]) * l_white / l_max
@@ -95,14 +108,12 @@ def test_gain_equals_the_solved_formula_in_float64(
     l64 = float(luminance[0])
     root = np.sqrt((1 - l64) ** 2 + 4 * l64 / l_white**2)
     expected = l_max * l_white / 2 * (l64 - 1 + root)
-    got = float(
-        OPERATORS["banterle2006"].gain(luminance, context("banterle2006", l_max, l_white))[0]
-    )
+    got = float(gain_of("banterle2006", luminance, context("banterle2006", l_max, l_white))[0])
     assert got * l64 == pytest.approx(expected, rel=1e-4)
 
 
 def test_slope_at_black_is_l_max_over_l_white() -> None:
-    gain = OPERATORS["banterle2006"].gain(RAMP, context("banterle2006", 20, 10))
+    gain = gain_of("banterle2006", RAMP, context("banterle2006", 20, 10))
     assert gain[0] == pytest.approx(2.0, rel=1e-6)
 
 
@@ -110,9 +121,11 @@ def test_a_given_alpha_counts_with_the_geometric_mean() -> None:
     """Eq. 12: L'max = L_white * mean / alpha."""
     luminance = np.array([1.0], np.float32)
     given_alpha = Context(999, 10, {}, alpha=0.18, geometric_mean=0.09)
-    assert OPERATORS["banterle2006"].gain(luminance, given_alpha)[0] == pytest.approx(5.0)
-    reinhard = OPERATORS["reinhard2002"].gain(
-        np.array([0.5], np.float32), Context(1e6, 10, {}, alpha=0.18, geometric_mean=0.09)
+    assert gain_of("banterle2006", luminance, given_alpha)[0] == pytest.approx(5.0)
+    reinhard = gain_of(
+        "reinhard2002",
+        np.array([0.5], np.float32),
+        Context(1e6, 10, {}, alpha=0.18, geometric_mean=0.09),
     )
     assert reinhard[0] * 0.5 == pytest.approx(0.5 * 0.09 / (0.5 * 0.18), rel=1e-4)
 
@@ -123,7 +136,7 @@ def test_geometric_mean_of_constants() -> None:
 
 
 def test_landis_leaves_what_is_below_the_threshold() -> None:
-    gain = OPERATORS["landis2002"].gain(RAMP, context("landis2002"))
+    gain = gain_of("landis2002", RAMP, context("landis2002"))
     assert (gain[RAMP <= 0.5] == 1).all()
     assert (gain[RAMP > 0.501] > 1).all()
 
@@ -137,3 +150,29 @@ def test_unknown_operators_and_parameters_are_refused() -> None:
         resolve_params(OPERATORS["linear"], {"x": 1})
     with pytest.raises(UsageError, match="threshold must be"):
         resolve_params(OPERATORS["landis2002"], {"threshold": 2})
+
+
+@pytest.mark.parametrize("name", sorted(OPERATORS))
+def test_every_operator_is_one_by_the_protocol(name: str) -> None:
+    operator = OPERATORS[name]
+    assert isinstance(operator, Operator)
+    shape = (24, 36, 3) if operator.sees == "rgb" else (24, 36)
+    picture = np.full(shape, 0.4, np.float32)
+    ctx = replace(context(name), density=lambda luminance: luminance * 0 + 1)
+    key_map = operator.map(picture, ctx)
+    assert key_map.dtype == np.float32
+    assert key_map.shape[:2] == (24, 36)
+    planes = [key_map] if key_map.ndim == 2 else [key_map[..., i].copy() for i in range(4)]
+    rgb = [np.full((24, 36), level, np.float32) for level in (0.4, 0.5, 1.0)]
+    for maps, strength in ((planes, 1.0), ([], 1.0), (planes, 0.3)):
+        gains = operator.gains(rgb, None, maps, ctx, strength)
+        assert len(gains) in (1, 3)
+        assert all(gain.dtype == np.float32 and gain.shape == (24, 36) for gain in gains)
+    unchanged = operator.gains(rgb, None, planes, ctx, 0.0)
+    assert all((gain == 1).all() for gain in unchanged), "no strength is no expansion"
+    assert [plane[0, 0] for plane in rgb] == [np.float32(0.4), np.float32(0.5), 1.0]
+
+
+def test_the_expand_map_is_there_only_while_a_map_is_made() -> None:
+    with pytest.raises(ValueError, match="when a map is made"):
+        context("linear").expand_map(RAMP)

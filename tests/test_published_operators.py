@@ -22,7 +22,7 @@ from itmo_video.operators import (
     OPERATORS,
     Context,
     FrameStats,
-    Operator,
+    LuminanceOperator,
     all_operators,
     bt2446,
     drago2003,
@@ -44,12 +44,18 @@ DISPLAY = np.linspace(1e-4, 1, 1001)
 STATS = FrameStats(0.0, 1.0, 0.1, 0.5, 0.01, 0.8)
 
 
+def by_luminance(name: str) -> LuminanceOperator:
+    operator = OPERATORS[name]
+    assert isinstance(operator, LuminanceOperator)
+    return operator
+
+
 def make(name: str, l_max: float, stats: FrameStats = STATS, **given: float) -> Context:
     return Context(l_max, l_max, resolve_params(OPERATORS[name], given), stats=stats)
 
 
 def expand(name: str, l_max: float = 20, stats: FrameStats = STATS, **given: float) -> Any:
-    curve = OPERATORS[name].curve
+    curve = by_luminance(name).curve
     assert curve is not None
     return curve(DISPLAY, make(name, l_max, stats, **given))
 
@@ -112,7 +118,7 @@ def test_bt2446c_agrees_with_the_report() -> None:
 
 
 def test_bt2446a_agrees_with_table_4_and_nearly_undoes_method_a() -> None:
-    curve = OPERATORS["bt2446a"].curve
+    curve = by_luminance("bt2446a").curve
     assert curve is not None
     code = np.array([70.0, 255.0, 128.0])
     world = curve((code / 255) ** 2.4, make("bt2446a", 1000.0))
@@ -157,15 +163,18 @@ def test_frame_statistics_by_hand() -> None:
 @pytest.mark.parametrize("level", [0.0, 0.3, 1.0])
 def test_flat_frames_stay_finite(name: str, level: float) -> None:
     flat = np.full((20, 30), level, np.float32)
-    gain = OPERATORS[name].gain(flat, make(name, 5, frame_stats(flat)))
+    gain = by_luminance(name).gain(flat, make(name, 5, frame_stats(flat)))
     assert np.isfinite(gain).all(), f"{name} divides by the range of a flat frame"
 
 
-@pytest.mark.parametrize("name", sorted(n for n, o in OPERATORS.items() if o.make_map))
+@pytest.mark.parametrize(
+    "name",
+    sorted(n for n, o in OPERATORS.items() if isinstance(o, LuminanceOperator) and o.make_map),
+)
 @pytest.mark.parametrize("level", [0.0, 0.3, 1.0])
 def test_own_maps_are_flat_on_flat_frames_and_within_0_and_1(name: str, level: float) -> None:
     flat = np.full((40, 64), level, np.float32)
-    operator = OPERATORS[name]
+    operator = by_luminance(name)
     assert operator.make_map is not None
     stats = frame_stats(flat)
     params = resolve_params(operator, {})
@@ -175,8 +184,7 @@ def test_own_maps_are_flat_on_flat_frames_and_within_0_and_1(name: str, level: f
     assert key_map.shape == flat.shape
     assert np.ptp(key_map) < 1e-3, f"{name} finds edges in a flat frame"
     assert 0 <= key_map.min() <= key_map.max() <= 1
-    base = 1.0 if operator.base is None else operator.base(ctx)
-    assert 0 <= base <= 5
+    assert 0 <= operator.base_gain(ctx) <= 5
 
 
 @pytest.mark.parametrize("name", ["rempel2007", "kovaleski2014"])
@@ -185,7 +193,7 @@ def test_enhancement_stops_at_edges(name: str) -> None:
     picture = np.full((100, 200), 0.02, np.float32)
     picture[:, :100] = 0.75
     picture[40:60, 80:90] = 1.0
-    make_map = OPERATORS[name].make_map
+    make_map = by_luminance(name).make_map
     assert make_map is not None
     params = {"alpha": 4.0, "clip_code": 230.0, "sigma": 120.0}
     own = {"sigma_space": 150.0, "sigma_range": 25.0}
@@ -234,7 +242,7 @@ def test_a_red_lamp_is_expanded_in_red() -> None:
     gain = [float(plane[30, 30]) for plane in rendered.rgb]
     dark = ((40 / 255 + 0.055) / 1.055) ** 2.4
     luminance = 0.213 + (0.715 + 0.072) * dark
-    curve = OPERATORS["banterle2007_channels"].curve
+    curve = by_luminance("banterle2007_channels").curve
     assert curve is not None
     full = curve(np.array([luminance]), Context(8.0, 8.0))[0] / luminance
     weight = float(key_maps[30, 30, 0])
@@ -287,7 +295,7 @@ def _install(monkeypatch: pytest.MonkeyPatch, thing: object, version: str | None
 
 
 def test_users_operators_are_found_by_entry_point(monkeypatch: pytest.MonkeyPatch) -> None:
-    mine = Operator("doubled", "twice", "mine", gain_of(lambda y, _: 2 * y))
+    mine = LuminanceOperator("doubled", "twice", "mine", gain_of(lambda y, _: 2 * y))
     _install(monkeypatch, mine)
     assert find_operator(Settings(operator="doubled")) is mine
     assert set(all_operators()) == set(OPERATORS) | {"doubled"}
@@ -299,7 +307,7 @@ def test_a_users_operators_version_is_part_of_the_fingerprint(
 ) -> None:
     clip, out = tmp_path / "clip.mkv", tmp_path / "out"
     write_ffv1(clip, moving_scene(2))
-    mine = Operator("doubled", "twice", "mine", gain_of(lambda y, _: 2 * y))
+    mine = LuminanceOperator("doubled", "twice", "mine", gain_of(lambda y, _: 2 * y))
     _install(monkeypatch, mine, "1.0")
     settings = make_settings("default", operator="doubled")
     assert convert(clip, out, settings).written == 2

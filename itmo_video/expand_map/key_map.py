@@ -18,40 +18,61 @@ from itmo_video.settings import Settings
 
 
 def make_key_map(frame: Frame, look: Look) -> Float32:
-    """A frame's own map at analysis size, (H, W) in [0, 1], or (H, W, 3), one of each channel.
+    """A frame's own map at analysis size, (H, W) in [0, 1], or (H, W, C) with planes for gains.
 
-    The Expand Map of sections 2.2 and 2.3, or the operator's own.
+    The Expand Map of sections 2.2 and 2.3, or the operator's own; 0 on black bars.
     """
-    settings, make_map = look.settings, look.operator.make_map
-    width, height = analysis_size(*frame.size, settings.map_width)
-    if look.operator.make_map_rgb is not None:
-        return _rgb_map(frame, (width, height), look)
+    size = analysis_size(*frame.size, look.settings.map_width)
+    if look.operator.sees == "rgb":
+        return _map_of_rgb(frame, size, look)
+    return _map_of_light(frame, size, look)
+
+
+def _map_of_light(frame: Frame, size: tuple[int, int], look: Look) -> Float32:
+    """The map of an operator that sees luminance, or the channels one after another."""
+    settings, (width, height) = look.settings, size
     luminance = frame_luminance(frame)
-    context = None if make_map is None else context_of(luminance, look)
+    context = context_of(luminance, look)
     luminance = _at_size(luminance, width, height)
-    row_weight, inner = None, (slice(0, height), slice(0, width))
-    if settings.projection == "latlong":
+    row_weight, wraps = None, settings.projection == "latlong"
+    if wraps:
         row_weight = np.cos(((np.arange(height) + 0.5) / height - 0.5) * np.pi)
-    else:
-        edge = find_bars(luminance)
-        inner = (slice(edge.top, height - edge.bottom), slice(edge.left, width - edge.right))
+    inner = _inner(luminance, wraps)
 
     def density(picture: Float32) -> Float32:
         return _density(picture, row_weight, settings)
 
-    def map_of(picture: Float32) -> Float32:
-        key_map = np.zeros((height, width), np.float32)
-        if make_map is not None and context is not None:
-            own = replace(context, density=density)
-            key_map[inner] = make_map(np.ascontiguousarray(picture[inner]), own)
-        else:
-            key_map[inner] = density(picture[inner])
-        return key_map
+    context = replace(context, density=density, wraps=wraps)
+    pictures = [luminance]
+    if look.operator.sees == "channels":
+        planes = linear_light.to_rgb_linear(frame, clip=True)
+        pictures = [_at_size(plane, width, height) for plane in planes]
+    maps = []
+    for picture in pictures:
+        maps.append(np.zeros((height, width), np.float32))
+        maps[-1][inner] = look.operator.map(picture[inner], context)
+    return maps[0] if len(maps) == 1 else np.dstack(maps)
 
-    if not look.operator.channel_maps:
-        return map_of(luminance)
-    planes = linear_light.to_rgb_linear(frame, clip=True)
-    return np.dstack([map_of(_at_size(plane, width, height)) for plane in planes])
+
+def _map_of_rgb(frame: Frame, size: tuple[int, int], look: Look) -> Float32:
+    """The map of an operator that sees linear RGB at analysis size."""
+    wraps = look.settings.projection == "latlong"
+    context = replace(context_of(None, look), wraps=wraps)
+    rgb = frame_rgb_small(frame, size)
+    inner = _inner(luminance_of([rgb[..., c] for c in range(3)]), wraps)
+    own = look.operator.map(rgb[inner], context)
+    key_map = np.zeros((size[1], size[0], own.shape[2]), np.float32)
+    key_map[inner] = own
+    return key_map
+
+
+def _inner(luminance: Float32, wraps: bool) -> tuple[slice, slice]:
+    """The rows and columns within black bars; panoramas have none."""
+    height, width = luminance.shape
+    if wraps:
+        return slice(0, height), slice(0, width)
+    edge = find_bars(luminance)
+    return slice(edge.top, height - edge.bottom), slice(edge.left, width - edge.right)
 
 
 def key_lights(frame: Frame, settings: Settings) -> list[tuple[float, float]]:
@@ -79,24 +100,6 @@ def _at_size(plane: Float32, width: int, height: int) -> Float32:
     if plane.shape == (height, width):
         return plane
     return np.clip(averaged(plane, (width, height)), 0, 1)
-
-
-def _rgb_map(frame: Frame, size: tuple[int, int], look: Look) -> Float32:
-    """The map of an operator that makes it from linear RGB at analysis size, bars left out."""
-    assert look.operator.make_map_rgb is not None
-    context, wraps = context_of(None, look), look.settings.projection == "latlong"
-    rgb = frame_rgb_small(frame, size)
-    if wraps:
-        return look.operator.make_map_rgb(rgb, context, True)
-    edge = find_bars(luminance_of([rgb[..., c] for c in range(3)]))
-    inner = (
-        slice(edge.top, size[1] - edge.bottom),
-        slice(edge.left, size[0] - edge.right),
-    )
-    own = look.operator.make_map_rgb(rgb[inner], context, False)
-    key_map = np.zeros((size[1], size[0], own.shape[2]), np.float32)
-    key_map[inner] = own
-    return key_map
 
 
 def _density(luminance: Float32, row_weight: Float64 | None, settings: Settings) -> Float32:

@@ -1,19 +1,21 @@
 """Inverse tone mapping operators as gains: expanded luminance over display luminance.
 
-An operator is a pure function of luminance in [0, 1] and a context; it has no state between
-frames. Eq. 3 keeps the hue by multiplying all three channels by the same ratio L_w / L_d, so that
-ratio is what an operator returns: it stays finite where L_d is 0, and no division by zero occurs.
+An operator (protocol.py) makes a map of a keyframe's picture, and gains of a frame by it; it has no
+state between frames. Eq. 3 keeps the hue by multiplying all three channels by the same ratio
+L_w / L_d, so that ratio is what an operator returns: it stays finite where L_d is 0, and no
+division by zero occurs.
 """
 
 from itmo_video.operators.base import (
     Context,
     FrameStats,
-    Operator,
     Parameter,
     frame_stats,
     gain_of,
     geometric_mean,
 )
+from itmo_video.operators.luminance_operator import LuminanceOperator
+from itmo_video.operators.protocol import Operator
 from itmo_video.operators.registry import (
     OPERATORS,
     all_operators,
@@ -26,6 +28,7 @@ __all__ = [
     "OPERATORS",
     "Context",
     "FrameStats",
+    "LuminanceOperator",
     "Operator",
     "Parameter",
     "all_operators",

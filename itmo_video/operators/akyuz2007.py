@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from itmo_video.operators.base import Context, Floats, Operator, Parameter, gain_of
+from itmo_video.operators.base import Context, Floats, Parameter, gain_of
+from itmo_video.operators.luminance_operator import LuminanceOperator
 
 
 def curve_akyuz2007(luminance: Floats, context: Context) -> Floats:
@@ -24,7 +25,7 @@ def curve_akyuz2007(luminance: Floats, context: Context) -> Floats:
 
 
 OPERATORS = (
-    Operator(
+    LuminanceOperator(
         "akyuz2007",
         "the frame's own range scaled to the maximum",
         "Akyuz, Fleming, Riecke, Reinhard and Buelthoff, Do HDR displays support LDR content?, "

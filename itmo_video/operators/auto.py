@@ -12,7 +12,8 @@ did not clip keeps its chromaticity; a channel parts from the others only where 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -26,8 +27,10 @@ from itmo_video.operators.auto_rendering import (
     known_clipped,
     rendering_of,
 )
-from itmo_video.operators.base import Context, Floats, Guard, Operator
+from itmo_video.operators.base import Context, Floats, Guard, Parameter
+from itmo_video.operators.luminance_operator import weighed
 from itmo_video.operators.photographic import gain_banterle2006
+from itmo_video.operators.protocol import Sees
 
 # How far a channel counts as clipped, on linear light: fitted with the network's weights.
 OPEN_CENTRE, OPEN_SLOPE, OPEN_FROM = 0.808, 27.3, 0.5
@@ -113,16 +116,44 @@ def curve_auto(luminance: Floats, context: Context) -> Floats:
     return np.asarray(luminance * context.l_max**gate)
 
 
-OPERATORS = (
-    Operator(
-        "auto",
+@dataclass(frozen=True)
+class AutoOperator:
+    """The operator (protocol.py): three maps of what clipped and one of eq. 11's weight."""
+
+    name: str = "auto"
+    summary: str = (
         "each shot by its own rendering: eq. 11 where it was tone-mapped, a fitted network's "
-        "estimate where it clipped",
-        "itmo_video's own: docs/auto.md; eq. 11 of Banterle et al. 2006",
-        lambda luminance, context: gain_auto([luminance] * 3, None, (), context)[0],
-        curve=curve_auto,
-        make_map_rgb=map_auto,
-        gain_rgb=gain_auto,
-        guard=TEXTURE,
-    ),
-)
+        "estimate where it clipped"
+    )
+    source: str = "itmo_video's own: docs/auto.md; eq. 11 of Banterle et al. 2006"
+    parameters: Mapping[str, Parameter] = field(default_factory=dict)
+    uses_map: bool = True
+    uses_alpha: bool = False
+    uses_l_white: bool = False
+    needs_stats: bool = False
+    guard: Guard = TEXTURE
+    sees: Sees = "rgb"
+    draws_edges: bool = True
+    has_paper_map: bool = False
+
+    def map(self, picture: Float32, context: Context) -> Float32:
+        """`map_auto` of the picture: float32 (H, W, 4) in [0, 1]."""
+        return map_auto(picture, context, context.wraps)
+
+    def gains(
+        self,
+        rgb: Sequence[Float32],
+        ratio: Float32 | None,
+        maps: Sequence[Float32],
+        context: Context,
+        strength: float,
+    ) -> list[Float32]:
+        """`gain_auto`, of R, G and B, by the strength."""
+        return [
+            part
+            for gain in gain_auto(rgb, ratio, maps, context)
+            for part in weighed(gain, [], 1, strength)
+        ]
+
+
+OPERATORS = (AutoOperator(),)

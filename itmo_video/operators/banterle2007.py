@@ -11,8 +11,9 @@ from __future__ import annotations
 import numpy as np
 
 from itmo_video.model import Float32
-from itmo_video.operators.base import Context, Operator, Parameter, code_of_light
+from itmo_video.operators.base import Context, Parameter, code_of_light
 from itmo_video.operators.bilateral_grid import cross_bilateral
+from itmo_video.operators.luminance_operator import LuminanceOperator
 from itmo_video.operators.photographic import curve_banterle2006, gain_banterle2006
 
 
@@ -45,7 +46,7 @@ _FILTER = {
 }
 
 OPERATORS = (
-    Operator(
+    LuminanceOperator(
         "banterle2007",
         "banterle2006 with the Expand Map filtered along the picture's edges",
         _SOURCE,
@@ -56,7 +57,7 @@ OPERATORS = (
         curve=curve_banterle2006,
         make_map=map_banterle2007,
     ),
-    Operator(
+    LuminanceOperator(
         "banterle2007_channels",
         "banterle2007 with a map of each colour channel, so that hues change where lights are",
         _SOURCE,

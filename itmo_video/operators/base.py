@@ -1,8 +1,8 @@
-"""What an operator is, what it may know of a frame, and the pieces that several share."""
+"""What an operator may know of a frame, and the pieces that several share."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, TypeAlias
 
@@ -42,8 +42,9 @@ class Context:
 
     `alpha` and `geometric_mean` (eq. 5, of the frame) are set only where the user gave alpha;
     `stats` only where the operator needs them; `density`, which makes the paper's Expand Map of a
-    luminance picture by the settings at hand, only for an operator that makes its own map; `hue`,
-    `lamps` and `footage` are the settings of those names.
+    luminance picture by the settings at hand, only where a map is made of luminance; `wraps` tells
+    that left and right meet, as in a panorama; `hue`, `lamps` and `footage` are the settings of
+    those names.
     """
 
     l_max: float
@@ -56,6 +57,13 @@ class Context:
     lamps: float = 1.0
     footage: str = "auto"
     density: Callable[[Float32], Float32] | None = None
+    wraps: bool = False
+
+    def expand_map(self, luminance: Float32) -> Float32:
+        """The paper's Expand Map by the settings; ValueError where no map is being made."""
+        if self.density is None:
+            raise ValueError("the Expand Map is made of luminance, when a map is made")
+        return self.density(luminance)
 
     @property
     def scale(self) -> float | None:
@@ -86,9 +94,6 @@ class Parameter:
 
 Curve: TypeAlias = Callable[[Floats, Context], Floats]
 Gain: TypeAlias = Callable[[Float32, Context], Float32]
-GainRgb: TypeAlias = Callable[
-    [Sequence[Float32], Float32 | None, Sequence[Float32], Context], list[Float32]
-]
 
 
 @dataclass(frozen=True)
@@ -103,45 +108,6 @@ class Guard:
 
 
 GRAIN = Guard(radius_px=3, epsilon=4e-4)  # 2 % of the code range counts as grain
-
-
-@dataclass(frozen=True)
-class Operator:
-    """A named operator: its gain, where it was published, and what it takes.
-
-    `gain(luminance, context)` takes float32 in [0, 1] and returns a new float32 array of the same
-    shape; `curve` is the same as expanded luminance, in whatever float type it is given: the
-    readable form that tests hold the gain against in float64. `uses_map` tells whether a map
-    weighs the result; `make_map(luminance, context)` makes one, float32 (H, W) in [0, 1], in place
-    of the Expand Map from luminance at analysis size; where the map is 0 the gain is `base` (1).
-    With `channel_maps` it is given R, G and B, linear, one after another in luminance's place, and
-    each channel is weighed by its own map.
-
-    `uses_alpha` and `uses_l_white` tell which of the context it reads.
-
-    An operator that needs more than luminance has two functions instead: `make_map_rgb(rgb_linear,
-    context, wrap_x)` makes maps in [0, 1], at most four, from linear RGB at analysis size, both
-    float32 (H, W, C), and `gain_rgb(rgb, ratio, maps, context)` the gains of R, G and B from their
-    planes, smoothed over given luminance and the maps, if any; it draws the edges itself, so its
-    maps are brought to full size without them. `guard` is what the noise guard smooths away.
-    """
-
-    name: str
-    summary: str
-    source: str
-    gain: Gain
-    parameters: Mapping[str, Parameter] = field(default_factory=dict)
-    uses_map: bool = True
-    uses_alpha: bool = False
-    uses_l_white: bool = False
-    needs_stats: bool = False
-    curve: Curve | None = None
-    make_map: Callable[[Float32, Context], Float32] | None = None
-    base: Callable[[Context], float] | None = None
-    make_map_rgb: Callable[[Float32, Context, bool], Float32] | None = None
-    gain_rgb: GainRgb | None = None
-    guard: Guard = GRAIN
-    channel_maps: bool = False
 
 
 def gain_of(curve: Curve) -> Gain:

@@ -10,7 +10,8 @@ import math
 
 import numpy as np
 
-from itmo_video.operators.base import Context, Floats, Operator, Parameter, gain_of
+from itmo_video.operators.base import Context, Floats, Parameter, gain_of
+from itmo_video.operators.luminance_operator import LuminanceOperator
 
 _REPORT = "Report ITU-R BT.2446-1 (2021)"
 _A_WHITE = 255.0 ** (2.8305e-6 * 255**2 - 7.4622e-4 * 255 + 1.2528)  # 999.8 of 1000
@@ -56,7 +57,7 @@ def curve_bt2446c(luminance: Floats, context: Context) -> Floats:
 
 
 OPERATORS = (
-    Operator(
+    LuminanceOperator(
         "bt2446a",
         "ITU-R BT.2446 method A, SDR to HDR",
         f"{_REPORT}, section 4.2, table 4",
@@ -64,7 +65,7 @@ OPERATORS = (
         uses_map=False,
         curve=curve_bt2446a,
     ),
-    Operator(
+    LuminanceOperator(
         "bt2446c",
         "ITU-R BT.2446 method C, SDR to HDR: absolute, white at 332 cd/m2",
         f"{_REPORT}, section 6.2",

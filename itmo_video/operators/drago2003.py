@@ -11,7 +11,8 @@ from functools import lru_cache
 import numpy as np
 
 from itmo_video.model import Float32, Float64
-from itmo_video.operators.base import FLOOR, Context, Floats, Operator, Parameter
+from itmo_video.operators.base import FLOOR, Context, Floats, Parameter
+from itmo_video.operators.luminance_operator import LuminanceOperator
 
 _SAMPLES = 8192  # of the inverse: its error stays below that of float32
 
@@ -70,7 +71,7 @@ def gain_drago2003(luminance: Float32, context: Context) -> Float32:
 
 
 OPERATORS = (
-    Operator(
+    LuminanceOperator(
         "drago2003",
         "inverse of adaptive logarithmic mapping",
         "Drago, Myszkowski, Annen and Chiba, Adaptive logarithmic mapping for displaying high "

@@ -13,8 +13,9 @@ import cv2
 import numpy as np
 
 from itmo_video.model import Float32
-from itmo_video.operators.base import Context, Floats, Operator, Parameter, code_of_light
+from itmo_video.operators.base import Context, Floats, Parameter, code_of_light
 from itmo_video.operators.bilateral_grid import cross_bilateral
+from itmo_video.operators.luminance_operator import LuminanceOperator
 
 _WIDTH = 1920  # pixels; the publications' filter sizes are for HD pictures
 _GRADIENT = 0.05  # of codes: an edge that stops the enhancement
@@ -80,7 +81,7 @@ _ALPHA = Parameter(
 _CLIP = Parameter(230.0, 128.0, 254.0, "code above which a pixel is clipped (230 is for video)")
 
 OPERATORS = (
-    Operator(
+    LuminanceOperator(
         "rempel2007",
         "LDR2HDR: stretched, and enhanced near clipped areas up to strong edges",
         "Rempel, Trentacoste, Seetzen, Young, Heidrich, Whitehead and Ward, Ldr2Hdr, ACM TOG "
@@ -95,7 +96,7 @@ OPERATORS = (
         make_map=map_rempel2007,
         base=base_enhanced,
     ),
-    Operator(
+    LuminanceOperator(
         "kovaleski2014",
         "stretched, and enhanced near clipped areas by a bilateral grid",
         "Kovaleski and Oliveira, High-quality reverse tone mapping for a wide range of "

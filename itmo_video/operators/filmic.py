@@ -7,7 +7,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from itmo_video.operators.base import Context, Floats, Operator, Parameter, gain_of
+from itmo_video.operators.base import Context, Floats, Parameter, gain_of
+from itmo_video.operators.luminance_operator import LuminanceOperator
 
 A, B, C, D, E, F = 0.15, 0.50, 0.10, 0.20, 0.02, 0.30  # of Hable's article
 
@@ -37,7 +38,7 @@ def curve_filmic(luminance: Floats, context: Context) -> Floats:
 
 
 OPERATORS = (
-    Operator(
+    LuminanceOperator(
         "filmic",
         "inverse of a filmic curve: Hable's, with toe and shoulder",
         "Hable, Filmic tonemapping operators, filmicworlds.com 2010 (Uncharted 2, GDC 2010)",

@@ -8,8 +8,9 @@ from __future__ import annotations
 import numpy as np
 
 from itmo_video.model import Float32
-from itmo_video.operators.base import Context, Floats, Operator, Parameter
+from itmo_video.operators.base import Context, Floats, Parameter
 from itmo_video.operators.bilateral_grid import cross_bilateral
+from itmo_video.operators.luminance_operator import LuminanceOperator
 
 
 def adapted(local: Floats | float, context: Context) -> Floats:
@@ -51,7 +52,7 @@ def map_huo2014(luminance: Float32, context: Context) -> Float32:
 
 
 OPERATORS = (
-    Operator(
+    LuminanceOperator(
         "huo2014",
         "the retina's response inverted, adapted to the luminance around",
         "Huo, Yang, Dong and Brost, Physiological inverse tone mapping based on retina response, "

@@ -7,7 +7,8 @@ from __future__ import annotations
 
 import math
 
-from itmo_video.operators.base import Context, Floats, Operator, Parameter, gain_of
+from itmo_video.operators.base import Context, Floats, Parameter, gain_of
+from itmo_video.operators.luminance_operator import LuminanceOperator
 
 
 def exponent(context: Context) -> float:
@@ -29,7 +30,7 @@ def curve_masia2017(luminance: Floats, context: Context) -> Floats:
 
 
 OPERATORS = (
-    Operator(
+    LuminanceOperator(
         "masia2017",
         "a power of luminance whose exponent follows from the frame's key and exposure",
         "Masia, Serrano and Gutierrez, Dynamic range expansion based on image statistics, "

@@ -7,7 +7,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from itmo_video.operators.base import Context, Floats, Operator, Parameter, gain_of
+from itmo_video.operators.base import Context, Floats, Parameter, gain_of
+from itmo_video.operators.luminance_operator import LuminanceOperator
 
 _HIGHEST = 0.99  # a threshold at white would leave the specular line without room
 
@@ -28,7 +29,7 @@ def curve_meylan2006(luminance: Floats, context: Context) -> Floats:
 
 
 OPERATORS = (
-    Operator(
+    LuminanceOperator(
         "meylan2006",
         "two lines: diffuse up to the brightest local mean, specular above",
         "Meylan, Daly and Suesstrunk, The reproduction of specular highlights on high dynamic "

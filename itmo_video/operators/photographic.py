@@ -10,7 +10,8 @@ import numpy as np
 
 from itmo_video.kernels import compiled, library
 from itmo_video.model import Float32
-from itmo_video.operators.base import Context, Floats, Operator
+from itmo_video.operators.base import Context, Floats
+from itmo_video.operators.luminance_operator import LuminanceOperator
 
 _PAPER = "Banterle, Ledda, Debattista and Chalmers, Inverse Tone Mapping, GRAPHITE 2006"
 
@@ -64,7 +65,7 @@ def gain_reinhard2002(luminance: Float32, context: Context) -> Float32:
 
 
 OPERATORS = (
-    Operator(
+    LuminanceOperator(
         "banterle2006",
         "inverse of the global photographic operator, with white point",
         f"{_PAPER}, eq. 11 and 13",
@@ -73,7 +74,7 @@ OPERATORS = (
         uses_l_white=True,
         curve=curve_banterle2006,
     ),
-    Operator(
+    LuminanceOperator(
         "reinhard2002",
         "inverse of the global photographic operator without white point, damped",
         f"{_PAPER}, eq. 9",

@@ -14,7 +14,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 from itmo_video.errors import UsageError
-from itmo_video.operators.base import Operator
+from itmo_video.operators.protocol import Operator
 from itmo_video.settings import Settings
 
 if TYPE_CHECKING:

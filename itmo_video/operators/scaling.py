@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from itmo_video.model import Float32
-from itmo_video.operators.base import Context, Floats, Operator, Parameter
+from itmo_video.operators.base import Context, Floats, Parameter
+from itmo_video.operators.luminance_operator import LuminanceOperator
 
 
 def gain_landis2002(luminance: Float32, context: Context) -> Float32:
@@ -32,7 +33,7 @@ def gain_linear(luminance: Float32, context: Context) -> Float32:
 
 
 OPERATORS = (
-    Operator(
+    LuminanceOperator(
         "landis2002",
         "the naive one: exponentially to the maximum above a threshold",
         "Landis, Production-ready global illumination, SIGGRAPH 2002 course notes 16",
@@ -40,7 +41,7 @@ OPERATORS = (
         {"threshold": Parameter(0.5, 0.0, 0.999, "luminance from which it expands")},
         curve=curve_landis2002,
     ),
-    Operator(
+    LuminanceOperator(
         "linear",
         "everything multiplied by the maximum, without the map",
         "for comparison",

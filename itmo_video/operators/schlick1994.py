@@ -5,7 +5,8 @@ The formula is from memory; the publication was not at hand.
 
 from __future__ import annotations
 
-from itmo_video.operators.base import Context, Floats, Operator, Parameter, gain_of
+from itmo_video.operators.base import Context, Floats, Parameter, gain_of
+from itmo_video.operators.luminance_operator import LuminanceOperator
 
 
 def curve_schlick1994(luminance: Floats, context: Context) -> Floats:
@@ -19,7 +20,7 @@ def curve_schlick1994(luminance: Floats, context: Context) -> Floats:
 
 
 OPERATORS = (
-    Operator(
+    LuminanceOperator(
         "schlick1994",
         "inverse of rational quantisation",
         "Schlick, Quantization techniques for visualization of high dynamic range pictures, "

@@ -5,7 +5,8 @@ The formula is from memory and agrees with published implementations of it.
 
 from __future__ import annotations
 
-from itmo_video.operators.base import Context, Floats, Operator, Parameter, gain_of
+from itmo_video.operators.base import Context, Floats, Parameter, gain_of
+from itmo_video.operators.luminance_operator import LuminanceOperator
 
 
 def scale_factor(adaptation_nits: float, display_nits: float) -> float:
@@ -29,7 +30,7 @@ def curve_ward1994(luminance: Floats, context: Context) -> Floats:
 
 
 OPERATORS = (
-    Operator(
+    LuminanceOperator(
         "ward1994",
         "inverse of the contrast-based scale factor: linear, up to the maximum",
         "Ward, A contrast-based scalefactor for luminance display, Graphics Gems IV 1994",

@@ -15,6 +15,7 @@ from itmo_video.colour.strips import strip_buffers, strips
 from itmo_video.kernels import compiled, library
 from itmo_video.look import Look, context_of
 from itmo_video.model import Float32, Float64, Frame, Half
+from itmo_video.operators import LuminanceOperator
 from itmo_video.rendering.guidance import Guidance
 
 HALF_MAX = 65504.0
@@ -44,22 +45,21 @@ def render(
     settings = look.settings
     clip = settings.over_white == "clip"
     width, height = frame.size
-    whole = settings.alpha is not None or look.operator.needs_stats
+    operator = look.operator
+    whole = settings.alpha is not None or operator.needs_stats
     context = context_of(frame_luminance(frame) if whole else None, look)
-    base = 1.0 if look.operator.base is None else look.operator.base(context)
     matrix = None
     if settings.primaries != frame.encoding.primaries:
         matrix = primaries.rgb_to_rgb_matrix(frame.encoding.primaries, settings.primaries)
     if guide is None:
         guide = analysis_guide(frame, settings.map_width)
-    gain_rgb = look.operator.gain_rgb
     guidance = Guidance(
         frame,
         guide,
         settings,
         map_small if look.needs_map else None,
-        settings.edge_aware and gain_rgb is None,
-        look.operator.guard,
+        settings.edge_aware and not operator.draws_edges,
+        operator.guard,
     )
     # A gain of L'max on a pixel of one pure primary may pass what a half can hold.
     limit = settings.alpha is not None or not clip or 20 * context.l_max > HALF_MAX
@@ -67,22 +67,19 @@ def render(
     out = np.empty((3, height, width), np.float16)  # at once: NumPy asks for huge pages
     layers = {f"{name}.Y": np.empty((height, width), np.float16) for name in settings.layers}
     is_plain = not (limit or layers) and alpha is None and matrix is None
-    loops = library.library() if is_plain else None
     part, more = min(settings.strength, 1.0), max(settings.strength - 1, 0.0)
+    loops = library.library() if is_plain and not more else None
     for rows in strips(height):
         rgb = strip_buffers(rows, width)
         linear_light.strip_to_rgb_linear(frame, rows, clip, rgb)
         maps, denoise = guidance.rows(rows)
-        if gain_rgb is not None:
-            gains = gain_rgb(rgb, denoise, maps, context)
-            for gain in gains:
-                _weighed(gain, [], 1, part)
-        else:
-            gain = look.operator.gain(limited_luminance(rgb, denoise), context)
-            if loops is not None and len(maps) == 1 and not more:
-                compiled.expand(loops, rgb, gain, maps[0], base, part, out[:, rows])
-                continue
-            gains = _weighed(gain, maps, base if maps else 1, part)
+        if loops is not None and isinstance(operator, LuminanceOperator) and len(maps) == 1:
+            # The same as below in one pass over the strip.
+            gain = operator.gain(limited_luminance(rgb, denoise), context)
+            base = operator.base_gain(context)
+            compiled.expand(loops, rgb, gain, maps[0], base, part, out[:, rows])
+            continue
+        gains = operator.gains(rgb, denoise, maps, context, part)
         if more:
             gains = strengthened(gains, _greatest(rgb), 1 + more, context.l_max)
         _fill_layers(layers, rows, rgb, gains, maps)
@@ -91,25 +88,6 @@ def render(
         _write_strip(rgb, gains, matrix, limit, out[:, rows])
     half_alpha = None if alpha is None else alpha.astype(np.float16)
     return Rendered((out[0], out[1], out[2]), half_alpha, layers)
-
-
-def _weighed(gain: Float32, maps: Sequence[Float32], base: float, strength: float) -> list[Float32]:
-    """For each map 1 + strength * (base + map * (gain - base) - 1); `gain` is overwritten.
-
-    Without maps as if there were one of 1. What would leave the picture as it is does so exactly.
-    """
-    if not maps and strength == 1:
-        return [gain]
-    gain -= np.float32(base)
-    weighed = [gain * part for part in maps[1:]]
-    if maps:
-        gain *= maps[0]
-    weighed.insert(0, gain)
-    for part in weighed:
-        if strength != 1:
-            part *= np.float32(strength)
-        part += np.float32(1 + strength * (base - 1))
-    return weighed
 
 
 def strengthened(

@@ -34,5 +34,4 @@ def shares_maps(one: Look, other: Look) -> bool:
 
 def has_paper_map(look: Look) -> bool:
     """Whether the map is sections 2.2 and 2.3's density of lights, the same for all operators."""
-    operator = look.operator
-    return operator.make_map is None and operator.make_map_rgb is None and not operator.channel_maps
+    return look.operator.has_paper_map
