@@ -146,6 +146,10 @@ class Settings:
         None, int, "number of the video stream in the file (default: the one flagged as default)",
         lower=0, upper=10000, metavar="N",
     )  # fmt: skip
+    raw: str | None = setting(
+        None, str, "raw frames come through the pipe, such as yuv420p10le:1920x1080:24000/1001",
+        metavar="FORMAT:WxH:FPS",
+    )  # fmt: skip
     force_sdr: bool = setting(False, bool, "treat a source that is tagged HDR as plain SDR")
     primaries: str = setting("rec709", str, "primaries of the output", choices=OUTPUT_PRIMARIES)
     compression: str = setting("zip", str, "EXR compression", choices=COMPRESSIONS)

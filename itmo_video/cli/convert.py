@@ -40,8 +40,9 @@ def add_convert(commands: Any) -> None:
         "inputs",
         metavar="INPUT",
         nargs="+",
-        help="a clip, a still, or an image sequence (img.%%04d.png, or img.*.png as the shell "
-        "lists it); of several inputs, each goes to its own folder OUTPUT_DIR/<stem>",
+        help="a clip, a still, an image sequence (img.%%04d.png, or img.*.png as the shell lists "
+        "it), or - for what is piped in; of several inputs, each goes to its own folder "
+        "OUTPUT_DIR/<stem>",
     )
     convert.add_argument("output", metavar="OUTPUT_DIR", help="the folder that the frames go to")
     add_settings(convert)
@@ -106,7 +107,12 @@ def _convert_one(
     from itmo_video.cli.progress import Progress
     from itmo_video.conversion import checking
     from itmo_video.conversion.convert import convert
+    from itmo_video.source.pipe import is_pipe
 
+    if is_pipe(source) and (args.verify or args.dry_run or args.report):
+        raise UsageError(
+            "a pipe can be read only once", remedy="Leave --verify, --dry-run and --report out."
+        )
     if args.verify:
         checking.require_sound(checking.verify(source, output, settings, run))
         print(f"{output}: all frames are there and whole")

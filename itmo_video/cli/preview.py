@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import os
+import sys
 from typing import Any
 
 from itmo_video.cli.option_flags import add_options, given, options_of
@@ -11,6 +12,7 @@ from itmo_video.cli.run_flags import OF_PREVIEW, add_telling
 from itmo_video.cli.settings_flags import add_settings, settings_of
 from itmo_video.conversion.run_options import RunOptions
 from itmo_video.delivery.preview_options import OF_ENCODING, OF_VIEW, PreviewOptions
+from itmo_video.errors import UsageError
 from itmo_video.settings import Settings
 
 EXAMPLES = """\
@@ -20,6 +22,7 @@ examples:
   itmo-video preview clip.mp4 master.mp4 --quality high
   itmo-video preview clip.mp4 frame.avif --frame 100
   itmo-video preview clip.mp4 both.mp4 --as compare --layout wipe
+  cat clip.mkv | itmo-video preview - - | x265 --y4m - -o film.hevc ...
 """
 
 
@@ -33,9 +36,15 @@ def add_preview(commands: Any) -> None:
         epilog=EXAMPLES,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    parser.add_argument("preview_source", metavar="SOURCE", help="a clip, or a converted folder")
     parser.add_argument(
-        "output", metavar="OUTPUT", help="a film (.mp4 .mov .mkv), or a still (.avif .png .jpg)"
+        "preview_source",
+        metavar="SOURCE",
+        help="a clip, a converted folder, or - for what is piped in",
+    )
+    parser.add_argument(
+        "output",
+        metavar="OUTPUT",
+        help="a film (.mp4 .mov .mkv .y4m), a still (.avif .png .jpg), or - for y4m to a pipe",
     )
     view = parser.add_argument_group("view")
     add_options(view, PreviewOptions, OF_VIEW)
@@ -56,8 +65,14 @@ def _run(args: argparse.Namespace) -> int:
     is_said = args.preset != "default" or bool(given(args, Settings))
     settings = settings_of(args) if is_said or not os.path.isdir(source) else None
     run, options = options_of(args, RunOptions), options_of(args, PreviewOptions)
+    to_pipe = args.output == "-"
+    if to_pipe and args.json:
+        raise UsageError("standard output carries the film", remedy="Leave --json out.")
     progress = Progress(as_json=args.json, quiet=args.quiet)
     summary = preview(source, args.output, settings, run, options, progress.on_event)
     if summary.max_cll and not (args.quiet or args.json):
-        print(f"MaxCLL {summary.max_cll:.0f} nits, MaxFALL {summary.max_fall:.1f} nits")
+        print(
+            f"MaxCLL {summary.max_cll:.0f} nits, MaxFALL {summary.max_fall:.1f} nits",
+            file=sys.stderr if to_pipe else sys.stdout,
+        )
     return 0

@@ -47,6 +47,8 @@ class Progress:
     def _line(self, done: int, total: int) -> None:
         elapsed = max(time.monotonic() - self._began, 1e-6)
         rate = done / elapsed
-        left = (total - done) / rate
-        text = f"\r{done}/{total} frames, {rate:.1f} fps, {left:.0f} s left "
+        of, left = f"/{total}", f", {(total - done) / rate:.0f} s left"
+        if not total:  # of a pipe
+            of = left = ""
+        text = f"\r{done}{of} frames, {rate:.1f} fps{left} "
         print(text, end="", file=self._stream, flush=True)

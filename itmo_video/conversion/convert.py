@@ -13,7 +13,7 @@ from itmo_video.conversion.exr_headers import exr_header
 from itmo_video.conversion.frame_ranges import format_ranges
 from itmo_video.conversion.plan import Plan, make_plan
 from itmo_video.conversion.run_options import RunOptions
-from itmo_video.errors import DamagedInputError, OutputError
+from itmo_video.errors import DamagedInputError, OutputError, UsageError
 from itmo_video.events import Finished, FrameDone, OnEvent, Started, Warned, ignore
 from itmo_video.look import make_look
 from itmo_video.model import Frame
@@ -24,6 +24,7 @@ from itmo_video.rendering import spans
 from itmo_video.rendering.frame import Rendered
 from itmo_video.settings import Settings
 from itmo_video.source.opening import Clip, input_options, open_clip
+from itmo_video.source.pipe import is_pipe
 from itmo_video.words import counted, missing
 
 
@@ -85,6 +86,12 @@ def convert(
     """
     settings, run = settings or make_settings(), run or RunOptions()
     check_folder_name(output, source)
+    if is_pipe(source):
+        from itmo_video.conversion.from_pipe import convert_pipe  # it needs this module's names
+
+        if executor is not None:
+            raise UsageError("a pipe is not shared out", remedy="Convert the file itself.")
+        return convert_pipe(source, output, settings, run, on_event)
     began = time.monotonic()
     with open_clip(source, input_options(settings, run.max_pixels)) as clip:
         plan = make_plan(clip, make_look(settings), run)

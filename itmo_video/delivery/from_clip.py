@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
+from itmo_video.conversion.from_pipe import pipe_damage, pipe_plan, wanted_indices
 from itmo_video.conversion.plan import make_plan
 from itmo_video.conversion.run_options import RunOptions
 from itmo_video.delivery.in_order import InOrder, run_in_order
@@ -15,16 +16,24 @@ from itmo_video.output.converted import peak_nits_of
 from itmo_video.rendering import spans
 from itmo_video.rendering.frame import Rendered
 from itmo_video.settings import Settings
-from itmo_video.source.opening import input_options, open_clip
+from itmo_video.source.opening import Clip, input_options, open_clip
+from itmo_video.source.pipe import PipeClip, is_pipe
 from itmo_video.words import counted
 
 
 def from_clip(source: Path, settings: Settings, run: RunOptions) -> Pictures:
     """The pictures of a clip, converted on the fly; raises what `convert` would."""
     look = make_look(settings)
-    with open_clip(source, input_options(settings, run.max_pixels)) as clip:
-        plan = make_plan(clip, look, run)
-    by_index = {index: number for number, index in plan.numbers.items()}
+    wanted: Sequence[int]
+    clip: Clip
+    if is_pipe(source):
+        clip = PipeClip(source, input_options(settings, run.max_pixels))
+        plan, wanted = pipe_plan(clip, look, run), wanted_indices(run)
+    else:
+        with open_clip(source, input_options(settings, run.max_pixels)) as clip:
+            plan = make_plan(clip, look, run)
+        wanted = sorted(plan.numbers.values())
+    is_endless = isinstance(wanted, range)
     info = plan.clip
     pictures: Pictures
 
@@ -35,30 +44,32 @@ def from_clip(source: Path, settings: Settings, run: RunOptions) -> Pictures:
             def sink(frame: Frame, done: Rendered) -> None:
                 nonlocal made
                 made += 1
-                number = by_index[frame.index]
+                number = frame.index + plan.first_number
                 item = work(
                     Picture(frame.index, number, frame.time_s, done.rgb, frame, done.layers)
                 )
                 buffer.put(frame.index, item)
 
-            wanted = sorted(by_index)
             ended = spans.render_frames(
                 clip, wanted, look, plan.jobs, sink, plan.look_at,
                 on_planned=buffer.plan, on_stop=buffer.close,
             )  # fmt: skip
             pictures.damage += [error.what for error in ended]
-            if made < len(wanted):
+            if isinstance(clip, PipeClip):
+                pictures.damage += pipe_damage(clip, run)
+            if not is_endless and made < len(wanted):
                 pictures.damage.append(
                     f"{counted(len(wanted) - made, 'frame')} could not be decoded"
                 )
 
         longest = max(own.settings.key_reach for own in plan.looks)
-        return run_in_order(make, plan.jobs * (longest + 1))
+        return run_in_order(make, plan.jobs * (longest + 1), clip.close)
 
     pictures = Pictures(
         info.display_size, info.frame_rate, info.pixel_aspect, settings.white_nits,
         max(peak_nits_of(own.settings) for own in plan.looks), settings.primaries,
-        sorted(plan.numbers), source, mapped, stream=settings.stream,
+        [] if is_endless else [index + plan.first_number for index in wanted],
+        None if clip.reads_once else source, mapped, stream=settings.stream,
         notices=plan.notices,
     )  # fmt: skip
     return pictures

@@ -90,14 +90,15 @@ def encode_nits(nits: Planes, curve: Curve, peak_nits: float) -> Planes:
     return _three(out, nits[0].shape)
 
 
-def to_ycbcr10(
+def to_ycbcr(
     rgb_code: Planes,
     matrix: Literal["bt709", "bt2020"],
     chroma: Chroma,
     frame_index: int,
     first_row: int = 0,
+    bit_depth: int = 10,
 ) -> YCbCr:
-    """10-bit limited-range Y'CbCr of nonlinear R'G'B'; the size must be even where it is halved.
+    """Limited-range Y'CbCr of nonlinear R'G'B'; the size must be even where it is halved.
 
     Chroma is sited left (MPEG-2's way, H.273 type 0) and filtered by 1-2-1 across. Dithered before
     rounding, by noise that depends on the frame's index and the place alone. A strip that begins at
@@ -110,9 +111,9 @@ def to_ycbcr10(
     cb = _subsampled(cv2.addWeighted(blue, 0.5 / (1 - kb), luma, -0.5 / (1 - kb), 0), chroma)
     cr = _subsampled(cv2.addWeighted(red, 0.5 / (1 - kr), luma, -0.5 / (1 - kr), 0), chroma)
     return (
-        _quantised(luma, 876, 64, frame_index, 0, first_row),
-        _quantised(cb, 896, 512, frame_index, 1, chroma_row),
-        _quantised(cr, 896, 512, frame_index, 2, chroma_row),
+        _quantised(luma, 876, 64, frame_index, 0, first_row, bit_depth),
+        _quantised(cb, 896, 512, frame_index, 1, chroma_row, bit_depth),
+        _quantised(cr, 896, 512, frame_index, 2, chroma_row, bit_depth),
     )
 
 
@@ -125,7 +126,7 @@ def master_frame(
     chroma: Chroma,
     frame_index: int,
 ) -> tuple[YCbCr, Light]:
-    """Codes and light of one frame: `to_nits_2020`, `frame_light`, `encode_nits`, `to_ycbcr10`.
+    """Codes and light of one frame: `to_nits_2020`, `frame_light`, `encode_nits`, `to_ycbcr`.
 
     The same as those four by the frame, done strip by strip; odd sizes are padded to even ones.
     """
@@ -142,7 +143,7 @@ def master_frame(
                   nits[2][: height - top, :width])  # fmt: skip
         light = frame_light(inside)
         peak, total = max(peak, light.peak), total + light.average * inside[0].shape[0]
-        codes = to_ycbcr10(encode_nits(nits, curve, peak_nits), "bt2020", chroma, frame_index, top)
+        codes = to_ycbcr(encode_nits(nits, curve, peak_nits), "bt2020", chroma, frame_index, top)
         for target, strip_codes in zip(out, codes, strict=True):
             at = top * target.shape[0] // rows
             target[at : at + strip_codes.shape[0]] = strip_codes
@@ -193,17 +194,21 @@ def _subsampled(plane: Any, chroma: Chroma) -> Any:
     return cv2.scaleAdd(np.ascontiguousarray(plane[:, 0::2]), 0.5, sides)
 
 
-def _quantised(plane: Any, scale: float, offset: float, index: int, salt: int, row: int) -> Codes10:
+def _quantised(
+    plane: Any, scale: float, offset: float, index: int, salt: int, row: int, bit_depth: int
+) -> Codes10:
+    """Dithered codes; `scale` and `offset` are those of 10 bits."""
+    step = 2.0 ** (bit_depth - 10)
     height, width = plane.shape
     noise = _noise(-(-height // _NOISE_TILE), -(-width // _NOISE_TILE))
     # A window that moves from frame to frame: noise that stands still is seen as dirt.
     x = (index * 97 + salt * 31) % _NOISE_TILE
     y = (index * 57 + salt * 83 + row) % _NOISE_TILE
     window = noise[y : y + height, x : x + width]
-    codes = np.asarray(cv2.scaleAdd(plane, scale, window))
-    codes += np.float32(offset)
-    # 0 to 3 and 1020 to 1023 are for synchronisation in 10-bit video.
-    np.clip(codes, np.float32(4), np.float32(1019), out=codes)
+    codes = np.asarray(cv2.scaleAdd(plane, scale * step, window))
+    codes += np.float32(offset * step)
+    # 0 to 3 and 1020 to 1023 are for synchronisation in 10-bit video, as 0 and 255 are in 8 bits.
+    np.clip(codes, np.float32(4 * step), np.float32(1019.75 * step) // 1, out=codes)
     return np.asarray(np.rint(codes, out=codes), np.uint16)
 
 

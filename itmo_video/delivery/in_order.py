@@ -81,10 +81,13 @@ class InOrder(Generic[T]):
         return bool(self._expected) and self._expected[0] in self._ready
 
 
-def run_in_order(make: Callable[[InOrder[T]], None], capacity: int) -> Iterator[T]:
+def run_in_order(
+    make: Callable[[InOrder[T]], None], capacity: int, on_leave: Callable[[], None] = lambda: None
+) -> Iterator[T]:
     """Yield in order what `make`, run in a thread of its own, plans and puts; raises what it does.
 
-    When the reader stops early `make` is told by Closed out of `put`, and waited for.
+    When the reader stops early `make` is told by Closed out of `put`, and waited for; `on_leave` is
+    called before, to end what else it may wait for.
     """
     buffer: InOrder[T] = InOrder(capacity)
 
@@ -104,4 +107,5 @@ def run_in_order(make: Callable[[InOrder[T]], None], capacity: int) -> Iterator[
         yield from buffer
     finally:
         buffer.close()
+        on_leave()
         thread.join()

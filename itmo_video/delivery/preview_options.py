@@ -12,7 +12,7 @@ View = Literal["hdr10", "hlg", "sdr", "compare", "false-colour", "ladder"]
 OF_VIEW = (
     "view", "frame", "tone_map", "layout", "wipe_at", "hdr_compare", "scale", "clip",
 )  # fmt: skip
-OF_ENCODING = ("no_audio", "codec", "chroma", "crf", "speed")
+OF_ENCODING = ("no_audio", "codec", "chroma", "depth", "crf", "speed")
 
 
 @dataclass(frozen=True)
@@ -56,6 +56,9 @@ class PreviewOptions:
     )
     chroma: Literal["420", "422"] | None = option(
         None, str, "4:2:0 or 4:2:2 (by the codec; av1 has 4:2:0)", choices=("420", "422")
+    )
+    depth: Literal["8", "10"] = option(
+        "10", str, "bits of y4m, 8 for SDR views only", choices=("8", "10")
     )
     crf: float | Literal["high"] | None = option(
         None, float,

@@ -35,7 +35,7 @@ class Kind:
 
 def _is_film(head: bytes) -> bool:
     boxes = (b"ftyp", b"moov", b"mdat", b"free", b"skip", b"wide")
-    return head[4:8] in boxes or head.startswith(b"\x1a\x45\xdf\xa3")
+    return head[4:8] in boxes or head.startswith((b"\x1a\x45\xdf\xa3", b"YUV4MPEG2 "))
 
 
 def _is_still(head: bytes) -> bool:

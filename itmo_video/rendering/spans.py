@@ -80,6 +80,11 @@ def plan_runs(wanted: Sequence[int], look: Look) -> list[Run]:
     return runs
 
 
+def whole_run(wanted: Sequence[int]) -> Run:
+    """One run from the first frame on, for what cannot be read from a later one."""
+    return Run(0, 0, wanted if isinstance(wanted, range) else frozenset(wanted))
+
+
 def planned_runs(
     wanted: Sequence[int], look: Look, look_at: LookAt | None
 ) -> Iterator[tuple[Run, Look]]:
@@ -214,6 +219,8 @@ def render_frames(
 ) -> list[DamagedInputError]:
     """Render the wanted indices (sorted) and hand each to `sink`, called from worker threads.
 
+    A range may go on beyond the end of a clip that is read once, which has one look.
+
     `look_at` gives each index its own look: a frame is the one that a clip converted with that look
     alone would have, so nothing of a shot's own reaches the frames around it. `on_planned` is told,
     in presentation order, the indices of each span before it is begun: who wants the frames in
@@ -232,7 +239,8 @@ def render_frames(
 
     pool = ThreadPoolExecutor(jobs, thread_name_prefix="span")
     try:
-        for run, own in planned_runs(wanted, look, look_at):
+        runs = [(whole_run(wanted), look)] if clip.reads_once else None
+        for run, own in runs or planned_runs(wanted, look, look_at):
             for span in spans_of(clip, run, own, on_end, pool):
                 while len(pending) > jobs:
                     finished, pending = wait(pending, return_when=FIRST_COMPLETED)

@@ -26,6 +26,7 @@ class Clip:
 
     info: ClipInfo
     faults: Mapping[int, str] = MappingProxyType({})  # by index, why frames do not decode
+    reads_once = False  # a pipe: `frames` works once, from 0 on
 
     def frames(self, start: int = 0) -> Iterator[Frame]:
         """Yield the frames from index `start` on, in presentation order, the same whatever `start`.

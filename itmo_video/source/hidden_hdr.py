@@ -47,14 +47,17 @@ def dolby_vision_words(track: TrackFacts, frame: Any, transfer: int) -> str | No
     return None
 
 
-def log_words(path: Path, metadata: Iterable[Mapping[str, str]]) -> str | None:
-    """Which camera's log its metadata name, in words; None where they name none."""
+def log_words(path: Path | None, metadata: Iterable[Mapping[str, str]]) -> str | None:
+    """Which camera's log its metadata name, in words; None where they name none.
+
+    `path` is None for a stream that is no file.
+    """
     for tags in metadata:
         for name, value in tags.items():
             found = _LOG_NAMES.search(value) if _ABOUT_CURVES.search(name) else None
             if found:
                 return f"its metadata say that it is {found[0]} ({name})"
-    for block in _both_ends(path):
+    for block in _both_ends(path) if path else ():
         for match in _XML.finditer(block):
             value = match[1].decode("latin-1")
             if _LOG_NAMES.search(value):

@@ -94,4 +94,5 @@ def input_options(settings: Settings, max_pixels: int = 2**27) -> InputOptions:
         max_pixels=max_pixels,
         fps=settings.frame_rate,
         stream=settings.stream,
+        raw=settings.raw,
     )

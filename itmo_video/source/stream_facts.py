@@ -29,7 +29,7 @@ from itmo_video.source.track_facts import TrackFacts
 _FILM_CODECS = ("mpeg2video", "vc1")  # in which films are telecined frame by frame
 _SAMPLE = 30  # frames looked at for telecine
 _INTERLACED = {2: "tff", 3: "bff", 4: "tff", 5: "bff"}  # FFmpeg's AVFieldOrder
-_CAPTURES = ("mpegts", "mpeg", "h264", "hevc", "mpegvideo")  # may begin and end anywhere
+CAPTURES = ("mpegts", "mpeg", "h264", "hevc", "mpegvideo")  # may begin and end anywhere
 _LIMITED_GREY = ("h264", "hevc", "av1", "libdav1d", "vp9", "mpeg2video", "mpeg4")
 
 
@@ -70,21 +70,33 @@ def find_facts(
         order = _INTERLACED.get(int(context.field_order), "progressive")
         if decoder.packets.is_exact and (order != "progressive" or container_name == "avi"):
             decoder = _as_countable(decoder)
-        decoder, first, begun = _first_frame(decoder, container_name in _CAPTURES)
-        return facts_at(container, stream, decoder, first, options, source.digest()), begun
+        decoder, first, begun = _first_frame(decoder, container_name in CAPTURES)
+        track = track_of(path, container, stream)
+        digest = source.digest()
+        return facts_at(container, stream, decoder, first, options, digest, track), begun
 
 
 def facts_at(
-    container: Any, stream: Any, decoder: Decoder, first: Any, options: InputOptions, digest: str
+    container: Any,
+    stream: Any,
+    decoder: Decoder,
+    first: Any,
+    options: InputOptions,
+    digest: str,
+    track: TrackFacts | None = None,
 ) -> StreamFacts:
-    """The facts of an open stream by its first decoded frame; `digest` is of its content."""
+    """The facts of an open stream by its first decoded frame; `digest` is of its content.
+
+    `track` are those of the file's own boxes, None for a stream that is no file.
+    """
     path, codec, container_name = decoder.path, decoder.codec, str(container.format.name)
     context = stream.codec_context
     order = _INTERLACED.get(int(context.field_order), "progressive")
     check_pixels(first.width, first.height, options.max_pixels, str(path))
     picture = picture_of(path, first)
-    tagged, track = tags.read_tags(first, context), track_of(path, container, stream)
-    hidden = _hidden_hdr(path, container, stream, track, first, tagged)
+    tagged, file = tags.read_tags(first, context), None if track is None else path
+    track = track or TrackFacts(sample_entry=str(context.codec_tag))
+    hidden = _hidden_hdr(file, str(path), container, stream, track, first, tagged)
     if hidden is not None and not (options.force_sdr or options.transfer != "auto"):
         if not options.only_tells:
             raise hidden
@@ -174,14 +186,20 @@ def shown_planes(
 
 
 def _hidden_hdr(
-    path: Path, container: Any, stream: Any, track: TrackFacts, frame: Any, tagged: tags.Tags
+    file: Path | None,
+    where: str,
+    container: Any,
+    stream: Any,
+    track: TrackFacts,
+    frame: Any,
+    tagged: tags.Tags,
 ) -> AlreadyHdrError | None:
     """The refusal of HDR that no transfer tag speaks of, None for all else."""
     words = hidden_hdr.dolby_vision_words(track, frame, tagged.transfer)
     if words is not None:
-        return hidden_hdr.refuse(words, str(path), is_dolby=True)
-    words = hidden_hdr.log_words(path, (container.metadata, stream.metadata))
-    return None if words is None else hidden_hdr.refuse(words, str(path), is_dolby=False)
+        return hidden_hdr.refuse(words, where, is_dolby=True)
+    words = hidden_hdr.log_words(file, (container.metadata, stream.metadata))
+    return None if words is None else hidden_hdr.refuse(words, where, is_dolby=False)
 
 
 def _as_countable(decoder: Decoder) -> Decoder:

@@ -61,6 +61,7 @@ class InputOptions:
     max_pixels: int = 2**27
     fps: Fraction | None = None
     stream: int | None = None
+    raw: str | None = None
     only_tells: bool = False
 
 

@@ -46,7 +46,7 @@ class VideoClip(Clip):
             pictures = deinterlaced(pictures, facts.is_forced, facts.time_base, self._is_same)
         for index, decoded, is_damaged in pictures:
             if index >= start:
-                self._source.check(self._path)  # else another film's frames bear this one's name
+                self._check_source()
                 self._check_same(index, decoded)
                 yield self._frame(index, decoded, is_damaged)
 
@@ -60,6 +60,10 @@ class VideoClip(Clip):
     def close(self) -> None:
         """Release the source."""
         self._begun.clear()
+
+    def _check_source(self) -> None:
+        """Raise DamagedInputError where another film's frames would bear this one's name."""
+        self._source.check(self._path)
 
     def _is_same(self, decoded: Any) -> bool:
         size = decoded.width, decoded.height

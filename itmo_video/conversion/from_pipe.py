@@ -1,0 +1,179 @@
+"""A stream that is read only once to one folder of EXR files, made as its frames come."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+from itmo_video.conversion.convert import Summary
+from itmo_video.conversion.exr_headers import exr_header
+from itmo_video.conversion.frame_ranges import format_ranges, parse_ranges
+from itmo_video.conversion.plan import Plan
+from itmo_video.conversion.run_options import RunOptions
+from itmo_video.errors import DamagedInputError, OutputError, UsageError
+from itmo_video.events import Finished, FrameDone, OnEvent, Started, Warned
+from itmo_video.look import Look, make_look
+from itmo_video.model import Frame
+from itmo_video.output import exr
+from itmo_video.output.folder import OutputFolder
+from itmo_video.rendering import spans
+from itmo_video.rendering.frame import Rendered
+from itmo_video.settings import Settings
+from itmo_video.source.opening import input_options
+from itmo_video.source.pipe import PipeClip
+
+ENDLESS = range(2**40)  # indices of a stream: more than any has
+
+
+@dataclass(frozen=True)
+class NumbersFrom(Mapping[int, int]):
+    """File numbers to indices, for as many frames as may come."""
+
+    first: int
+
+    def __getitem__(self, number: int) -> int:
+        index = number - self.first
+        if index < 0:
+            raise KeyError(number)
+        return index
+
+    def __iter__(self) -> Iterator[int]:
+        raise TypeError("how many frames a pipe has is not known")
+
+    def __len__(self) -> int:
+        raise TypeError("how many frames a pipe has is not known")
+
+
+def first_number(run: RunOptions) -> int:
+    """The number of a stream's first frame."""
+    return 1 if run.start_number is None else run.start_number
+
+
+def pipe_plan(clip: PipeClip, look: Look, run: RunOptions) -> Plan:
+    """The plan of a stream whose length is not known; raises UsageError for what cannot be."""
+    if run.analysis is not None:
+        raise UsageError("a pipe has no analysis", remedy="Convert the file itself.")
+    info = clip.info
+    jobs = run.jobs or spans.default_jobs()
+    wide = 1 if info.encoding.bit_depth == 8 else 2
+    memory = spans.memory_bound_bytes(*info.display_size, wide, look, jobs)
+    numbers = NumbersFrom(first_number(run))
+    return Plan(info, look, numbers, first_number(run), memory, jobs, notices=info.notices)
+
+
+def wanted_indices(run: RunOptions) -> range | list[int]:
+    """The indices that a run asks for, sorted; all that come where it names none."""
+    if run.frames is None:
+        return ENDLESS
+    numbers = parse_ranges(run.frames)
+    if before := [n for n in numbers if n < first_number(run)]:
+        raise UsageError(
+            f"frames {format_ranges(before)} are not in the stream",
+            remedy=f"Its first frame is number {first_number(run)}.",
+        )
+    return sorted(n - first_number(run) for n in numbers)
+
+
+def convert_pipe(
+    source: str | Path, output: str | Path, settings: Settings, run: RunOptions, on_event: OnEvent
+) -> Summary:
+    """Convert what comes through a pipe; `convert` says the rest.
+
+    All frames are made anew, as it cannot be known beforehand whether the stream is the one that
+    made those in the folder: raises OutputError where there are some, unless the run overwrites.
+    """
+    began = time.monotonic()
+    _check_run(run)
+    clip = PipeClip(source, input_options(settings, run.max_pixels))
+    try:
+        plan = pipe_plan(clip, make_look(settings), run)
+        wanted = wanted_indices(run)
+        folder = OutputFolder(output, plan.clip.stem)
+        for notice in plan.notices:
+            on_event(Warned(notice))
+        if not run.null:
+            if not run.overwrite and folder.path.is_dir() and folder.frame_numbers():
+                raise OutputError(
+                    "there are frames already, and a pipe's cannot be resumed",
+                    where=str(output),
+                    remedy="--overwrite makes all of them again; or choose another folder.",
+                )
+            folder.claim(plan.manifest, overwrite=run.overwrite, update=False)
+            folder.sweep_temp_files()
+        summary = Summary(0 if run.frames is None else len(wanted), 0)
+        on_event(Started(plan.clip.path, str(output), summary.wanted, 0))
+        made = _render(clip, plan, folder, run, wanted, summary, on_event)
+    finally:
+        clip.close()
+    if run.frames is not None:
+        summary.missing = [n for n in parse_ranges(run.frames) if n not in made]
+    summary.wanted = summary.wanted or summary.written + len(clip.lost)
+    summary.damaged.sort()
+    summary.seconds = time.monotonic() - began
+    on_event(Finished(**asdict(summary)))
+    told = pipe_damage(clip, run, summary.missing)
+    if summary.damaged:
+        told.append(f"frames {format_ranges(summary.damaged)} are damaged in the source")
+    if told:
+        raise DamagedInputError(
+            "; ".join(told),
+            where=plan.clip.path,
+            remedy=f"All that decodes was converted: {summary.written} frames.",
+        )
+    return summary
+
+
+def pipe_damage(clip: PipeClip, run: RunOptions, missing: Sequence[int] = ()) -> list[str]:
+    """What was wrong with a stream that has been read; `missing` are numbers that never came."""
+    lost = [index + first_number(run) for index in clip.lost]
+    told = [clip.broken] if clip.broken else []
+    if run.frames is None and lost:
+        told.append(f"frames {format_ranges(lost)} could not be decoded")
+    if missing:
+        told.append(f"frames {format_ranges(missing)} did not come")
+    return told
+
+
+def _check_run(run: RunOptions) -> None:
+    if run.update:
+        raise UsageError("a pipe's frames are all made anew", remedy="Leave --update out.")
+
+
+def _render(
+    clip: PipeClip,
+    plan: Plan,
+    folder: OutputFolder,
+    run: RunOptions,
+    wanted: Sequence[int],
+    summary: Summary,
+    on_event: OnEvent,
+) -> set[int]:
+    """Render and write the frames; the numbers of those made where some were asked for."""
+    lock, made = threading.Lock(), set[int]()
+
+    def sink(frame: Frame, rendered: Rendered) -> None:
+        number, size = frame.index + plan.first_number, 0
+        if not run.null:
+            size = exr.write_exr(
+                folder.frame_path(number),
+                rendered.rgb,
+                exr_header(plan, number, frame.time_s),
+                alpha=rendered.alpha,
+                layers=rendered.layers,
+                durable=run.durable,
+            )
+        with lock:
+            if run.frames is not None:
+                made.add(number)
+            summary.written += 1
+            summary.bytes_written += size
+            if frame.is_damaged:
+                summary.damaged.append(number)
+            on_event(FrameDone(number, summary.written, summary.wanted))
+
+    ended = spans.render_frames(clip, wanted, plan.look, plan.jobs, sink)
+    clip.broken = clip.broken or next((error.what for error in ended), None)
+    return made

@@ -1,0 +1,135 @@
+"""A preview's frames in order to a film, in a file or through a pipe."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from fractions import Fraction
+from math import gcd
+from pathlib import Path
+
+from itmo_video.conversion.run_options import RunOptions
+from itmo_video.delivery import encode, hdr
+from itmo_video.delivery.encode import HIGH_CRF, FilmSpec, FilmWriter
+from itmo_video.delivery.hdr import Light
+from itmo_video.delivery.pictures import Pictures
+from itmo_video.delivery.preview_options import PreviewOptions
+from itmo_video.delivery.views import ShownFrame, shown_frame, signal_of
+from itmo_video.delivery.y4m import ReaderLeftError, Y4mSpec, Y4mWriter, is_stream_output
+from itmo_video.errors import DamagedInputError, UsageError
+from itmo_video.events import FrameDone, OnEvent, Warned
+from itmo_video.output.gate import Gate
+from itmo_video.source.opening import is_film
+
+Y4M_SUFFIX = ".y4m"
+_NO_LIGHT = Light(0.0, 0.0)
+
+
+def is_y4m(output: Path) -> bool:
+    """Whether a film is written as y4m: to standard output, a FIFO, or by its name."""
+    return output.suffix.lower() == Y4M_SUFFIX or is_stream_output(output)
+
+
+def write_film(
+    pictures: Pictures,
+    output: Path,
+    gate: Gate | None,
+    options: PreviewOptions,
+    run: RunOptions,
+    on_event: OnEvent,
+) -> tuple[int, Light, int]:
+    """Write the pictures as a film; returns how many, the film's light and the bytes written.
+
+    `gate` is None for what goes on at once. A reader that closes its pipe ends the film there.
+    """
+    chroma = options.chroma or encode.default_chroma(options.codec)
+    spec = FilmSpec(
+        2, 2, pictures.frame_rate, _time_base(pictures), pictures.pixel_aspect, signal_of(options),
+        options.codec, chroma, pictures.peak_nits, crf_of(options), options.speed,
+    )  # fmt: skip
+    if not is_y4m(output):
+        encode.check_film(output, spec)
+    shown = pictures.mapped(lambda picture: shown_frame(picture, pictures, options, chroma))
+    count, light = 0, _NO_LIGHT
+    try:
+        first = next(shown, None)
+        if first is None:
+            raise DamagedInputError("no frame could be made", where=str(pictures.clip))
+        height, width = first.planes[0].shape
+        spec = replace(spec, width=width, height=height)
+        with _writer(output, gate, spec, options, pictures, run, first.time_s) as writer:
+            for notice in writer.notices:
+                on_event(Warned(notice))
+            try:
+                for frame, length in _with_durations(first, shown):
+                    writer.write(frame.planes, frame.time_s, length)
+                    count, light = count + 1, hdr.film_light((light, frame.light))
+                    on_event(FrameDone(frame.number, count, len(pictures.numbers)))
+                writer.finish(light)
+            except ReaderLeftError:
+                on_event(Warned(f"the reader left after {count} frames"))
+    finally:
+        shown.close()  # type: ignore[attr-defined]  # whoever maps, it is a generator
+    size = writer.bytes_written if isinstance(writer, Y4mWriter) else output.stat().st_size
+    return count, light, size
+
+
+def _writer(
+    output: Path,
+    gate: Gate | None,
+    spec: FilmSpec,
+    options: PreviewOptions,
+    pictures: Pictures,
+    run: RunOptions,
+    first_s: Fraction,
+) -> FilmWriter | Y4mWriter:
+    if is_y4m(output):
+        stream = Y4mSpec(
+            spec.width, spec.height, spec.frame_rate, spec.pixel_aspect, spec.chroma,
+            int(options.depth),
+        )  # fmt: skip
+        return Y4mWriter(output, stream, gate)
+    assert gate is not None
+    film = pictures.clip if pictures.clip and is_film(pictures.clip) else None
+    return FilmWriter(
+        gate, spec, None if options.no_audio else film, first_s, is_whole=run.frames is None,
+        stream=pictures.stream,
+    )  # fmt: skip
+
+
+def crf_of(options: PreviewOptions) -> float | None:
+    """The number that `high` stands for, or the one that was given."""
+    # ProRes is of high quality without being asked.
+    return HIGH_CRF.get(options.codec) if options.crf == "high" else options.crf
+
+
+def check_film_options(output: Path, options: PreviewOptions) -> None:
+    """Raise UsageError for options that the kind of film has no use for."""
+    if not is_y4m(output):
+        if options.depth != "10":
+            raise UsageError("films have 10 bits", remedy="8 bits are for .y4m.")
+        return
+    if options.crf is not None or options.speed is not None:
+        raise UsageError("y4m is not compressed", remedy="Leave --crf and --speed to the encoder.")
+    if options.depth == "8" and signal_of(options) != "sdr":
+        raise UsageError("HDR needs 10 bits", remedy="8 bits are for --as sdr and its like.")
+
+
+def _with_durations(
+    first: ShownFrame, others: Iterator[ShownFrame]
+) -> Iterator[tuple[ShownFrame, Fraction | None]]:
+    """Each frame with the time until the next; None for the last."""
+    frame = first
+    for following in others:
+        yield frame, following.time_s - frame.time_s
+        frame = following
+    yield frame, None
+
+
+def _time_base(pictures: Pictures) -> Fraction:
+    """The source's unit of time where it is known, so that its stamps stay exact."""
+    if pictures.clip is not None and is_film(pictures.clip):
+        return encode.source_time_base(pictures.clip, pictures.stream)
+    rate = pictures.frame_rate.numerator
+    common = rate * 90000 // gcd(rate, 90000)
+    return Fraction(1, common if common < 2**31 else 90000)

@@ -1,0 +1,81 @@
+"""What a frame is shown as: HDR codes for an encoder, or R'G'B' for SDR monitors."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import Any
+
+import numpy as np
+
+from itmo_video.delivery import encode, hdr, sdr
+from itmo_video.delivery.hdr import Chroma, Light, YCbCr
+from itmo_video.delivery.pictures import Picture, Pictures
+from itmo_video.delivery.preview_options import PreviewOptions
+
+
+@dataclass(frozen=True)
+class ShownFrame:
+    """One frame ready for the encoder, by its number as in file names."""
+
+    number: int
+    time_s: Fraction
+    planes: YCbCr
+    light: Light
+
+
+def signal_of(options: PreviewOptions) -> encode.Signal:
+    """How what is shown is encoded."""
+    if options.view == "hdr10" or (options.view == "compare" and options.hdr_compare):
+        return "pq"
+    return "hlg" if options.view == "hlg" else "sdr"
+
+
+def light_of(
+    picture: Picture, pictures: Pictures, options: PreviewOptions
+) -> tuple[Sequence[Any], str, float]:
+    """Linear planes, their primaries and the nits of 1.0; compare has the source beside."""
+    white = pictures.white_nits
+    if options.view != "compare":
+        return picture.rgb, pictures.primaries, white
+    assert picture.source is not None
+    source = sdr.source_picture(picture.source)
+    result = sdr.to_709(picture.rgb, pictures.primaries)
+    both = sdr.composed(source, result, options.layout, options.wipe_at)
+    return [np.ascontiguousarray(both[..., i]) for i in range(3)], "rec709", white
+
+
+def sdr_view(picture: Picture, pictures: Pictures, options: PreviewOptions) -> sdr.Picture:
+    """R'G'B' of a frame (H, W, 3) in [0, 1] for the views sdr, compare, false-colour and ladder."""
+    linear = sdr.to_709(picture.rgb, pictures.primaries)
+    peak = pictures.peak_nits / pictures.white_nits
+    if options.view == "false-colour":
+        return sdr.false_colour(linear, options.scale, pictures.white_nits, peak)
+    if options.view == "ladder":
+        return sdr.ladder(linear, peak)
+    result = sdr.tone_mapped(linear, options.tone_map, peak)
+    if options.view == "sdr":
+        return result
+    assert picture.source is not None
+    source = sdr.encoded(sdr.source_picture(picture.source))
+    return sdr.composed(source, result, options.layout, options.wipe_at)
+
+
+def shown_frame(
+    picture: Picture, pictures: Pictures, options: PreviewOptions, chroma: Chroma
+) -> ShownFrame:
+    """A frame as codes of Y'CbCr, and its light (zeros for SDR views)."""
+    signal = signal_of(options)
+    if signal == "sdr":
+        view = sdr_view(picture, pictures, options)
+        code: Any = tuple(np.ascontiguousarray(view[..., i]) for i in range(3))
+        even: Any = hdr.pad_even(code)
+        planes = hdr.to_ycbcr(even, "bt709", chroma, picture.index, bit_depth=int(options.depth))
+        return ShownFrame(picture.number, picture.time_s, planes, Light(0.0, 0.0))
+    rgb, primaries, white = light_of(picture, pictures, options)
+    curve: hdr.Curve = "pq" if signal == "pq" else "hlg"
+    planes, light = hdr.master_frame(
+        rgb, primaries, white, pictures.peak_nits, curve, chroma, picture.index
+    )
+    return ShownFrame(picture.number, picture.time_s, planes, light)

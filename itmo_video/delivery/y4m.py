@@ -1,0 +1,146 @@
+"""Y4M: uncompressed films for pipes, to standard output, a FIFO or a file.
+
+A stream header, then "FRAME" and the planes of each frame; what a film is tagged with beyond its
+range and chroma has no place in it (the y4m of mjpegtools; X tags as FFmpeg writes them).
+"""
+
+from __future__ import annotations
+
+import os
+import stat
+import sys
+from contextlib import suppress
+from dataclasses import dataclass
+from fractions import Fraction
+from pathlib import Path
+from types import TracebackType
+
+import numpy as np
+
+from itmo_video.delivery.hdr import Chroma, Light, YCbCr
+from itmo_video.errors import OutputError, UsageError
+from itmo_video.output.atomic import output_error, temp_path
+from itmo_video.output.gate import Gate
+
+STANDARD_OUTPUT = "-"
+_PIPE_BYTES = 1 << 20
+
+
+class ReaderLeftError(Exception):
+    """Whoever read the pipe has closed it: there is nobody to write for."""
+
+
+@dataclass(frozen=True)
+class Y4mSpec:
+    """What a y4m stream says of itself: size in pixels, limited range, chroma sited left."""
+
+    width: int
+    height: int
+    frame_rate: Fraction
+    pixel_aspect: Fraction
+    chroma: Chroma = "420"
+    bit_depth: int = 10
+
+    def header(self) -> bytes:
+        """The stream's first line."""
+        rate, aspect = self.frame_rate, self.pixel_aspect
+        if self.bit_depth == 8:
+            kind = "420mpeg2 XYSCSS=420MPEG2" if self.chroma == "420" else "422 XYSCSS=422"
+        else:
+            kind = f"{self.chroma}p{self.bit_depth} XYSCSS={self.chroma}P{self.bit_depth}"
+        return (
+            f"YUV4MPEG2 W{self.width} H{self.height} F{rate.numerator}:{rate.denominator} Ip "
+            f"A{aspect.numerator}:{aspect.denominator} C{kind} XCOLORRANGE=LIMITED\n"
+        ).encode("ascii")
+
+    def frame(self, planes: YCbCr) -> list[bytes]:
+        """A frame's bytes, in pieces."""
+        kind = np.uint8 if self.bit_depth == 8 else np.dtype("<u2")
+        return [b"FRAME\n", *(np.asarray(plane, kind).tobytes() for plane in planes)]
+
+
+def is_stream_output(path: Path) -> bool:
+    """Whether what is written there goes on at once: standard output ("-") or a FIFO."""
+    if os.fspath(path) == STANDARD_OUTPUT:
+        return True
+    try:
+        return stat.S_ISFIFO(os.stat(path).st_mode)
+    except (OSError, ValueError):
+        return False
+
+
+class Y4mWriter:
+    """Writes frames to a pipe as they come, or to a file that appears whole when finished."""
+
+    notices: tuple[str, ...] = ()
+
+    def __init__(self, path: Path, spec: Y4mSpec, gate: Gate | None = None) -> None:
+        self.path, self.bytes_written = path, 0
+        self._spec, self._gate = spec, gate
+        self._temp = temp_path(path.absolute()) if gate is not None else None
+        try:
+            where = _descriptor(path) if self._temp is None else self._temp
+            self._file = open(where, "wb", 0)  # noqa: SIM115 - `close` closes it
+        except OSError as error:
+            raise output_error(error, path) from error
+        if gate is None:
+            with suppress(ImportError, OSError, AttributeError):
+                import fcntl
+
+                fcntl.fcntl(self._file.fileno(), fcntl.F_SETPIPE_SZ, _PIPE_BYTES)
+        self._put(spec.header())
+
+    def __enter__(self) -> Y4mWriter:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        value: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def write(self, planes: YCbCr, time_s: Fraction, duration_s: Fraction | None = None) -> None:
+        """Write one frame; raises ReaderLeftError where nobody reads any more."""
+        for piece in self._spec.frame(planes):
+            self._put(piece)
+
+    def finish(self, light: Light | None) -> None:
+        """Complete the file; a pipe is complete as it is."""
+        self._file.close()
+        if self._gate is not None and self._temp is not None:
+            self._gate.put(self._temp)
+
+    def close(self) -> None:
+        """Close, and remove a file that was not finished."""
+        with suppress(OSError):
+            self._file.close()
+        if self._temp is not None:
+            with suppress(OSError):
+                self._temp.unlink()
+
+    def _put(self, data: bytes) -> None:
+        left = memoryview(data)
+        try:
+            while left:
+                left = left[self._file.write(left) :]
+        except BrokenPipeError as error:
+            raise ReaderLeftError from error
+        except OSError as error:
+            raise output_error(error, self.path) from error
+        self.bytes_written += len(data)
+
+
+def _descriptor(path: Path) -> int:
+    if os.fspath(path) != STANDARD_OUTPUT:
+        return os.open(path, os.O_WRONLY)
+    if sys.stdout is None or sys.stdout.isatty():
+        raise UsageError(
+            "standard output is a terminal", remedy="Pipe it: ... - | x265 --y4m - -o film.hevc"
+        )
+    try:
+        sys.stdout.flush()
+        return os.dup(sys.stdout.fileno())
+    except OSError as error:
+        raise OutputError("standard output cannot be written") from error

@@ -1,0 +1,284 @@
+"""A stream that can be read only once, from standard input or a FIFO, as a clip."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import re
+import select
+import stat
+import sys
+from collections.abc import Iterator
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from heapq import heappop, heappush
+from itertools import chain
+from pathlib import Path
+from typing import Any
+
+import av
+
+from itmo_video.errors import InputError, UsageError
+from itmo_video.source.decoding import Decoder, Numbered, decode_all, decoder_of
+from itmo_video.source.packets import (
+    CONTAINERS,
+    TAG_ERRORS,
+    Jumps,
+    Packets,
+    decoder_limit,
+    is_hidden,
+    prepare_decoder,
+)
+from itmo_video.source.planes import read_picture
+from itmo_video.source.stream_facts import CAPTURES, facts_at
+from itmo_video.source.streams import choose_video
+from itmo_video.source.tags import InputOptions
+from itmo_video.source.video import VideoClip
+
+STANDARD_INPUT = "-"
+_BUFFER_BYTES = 1 << 20
+_RAW = re.compile(r"(?P<form>[a-z0-9]+):(?P<size>\d+x\d+):(?P<rate>\d+(?:/\d+|\.\d+)?)")
+_REMEDY = "Pipe y4m, Matroska, NUT or MPEG-TS; MP4 cannot be read from a pipe unless made for it."
+
+
+def is_pipe(source: str | os.PathLike[str]) -> bool:
+    """Whether a source is standard input ("-") or a FIFO, such as a shell's <(command)."""
+    if os.fspath(source) == STANDARD_INPUT:
+        return True
+    try:
+        return stat.S_ISFIFO(os.stat(source).st_mode)
+    except (OSError, ValueError):
+        return False
+
+
+class PipeClip(VideoClip):
+    """A piped stream: `frames` gives each frame once, `info.frames` is 0, as its end is unknown.
+
+    Frames are numbered as those of the same file on a disk. `lost` fills with the indices of frames
+    that do not decode; `broken` says how the stream broke off, once it has.
+    """
+
+    reads_once = True
+
+    def __init__(self, source: str | os.PathLike[str], options: InputOptions) -> None:
+        name = os.fspath(source)
+        self.lost: list[int] = []
+        self.broken: str | None = None
+        self._times: dict[int, Fraction] = {}
+        if options.fps is not None:
+            raise UsageError(
+                "a pipe cannot be resampled", remedy="Do it before: ffmpeg ... -r 25 -f nut -"
+            )
+        self._input = _Input(name)
+        self._where = "standard input" if name == STANDARD_INPUT else name
+        try:
+            self._open(options)
+        except av.FFmpegError as error:
+            raise InputError(
+                f"is not a video that can be read ({error.strerror})",
+                where=self._where,
+                remedy=_REMEDY,
+            ) from error
+        pictures = self._numbered(options.max_pixels)
+        first = next(pictures, None)
+        if first is None:
+            raise InputError("no frame came that can be decoded", where=self._where, remedy=_REMEDY)
+        codec = str(self._stream.codec_context.name)
+        decoder = _Once(
+            Path(name), options.max_pixels, Packets((), {}, (), True), codec, self._stream.index
+        )
+        facts = facts_at(
+            self._container, self._stream, decoder, first[1], options, _digest(first[1])
+        )
+        stem = "stdin" if name == STANDARD_INPUT else Path(name).stem
+        self.info = replace(facts.info, path=self._where, stem=stem)
+        self._facts = replace(facts, info=self.info)
+        self._begun = [chain((first,), pictures)]
+
+    def time_s(self, index: int) -> Fraction:
+        """Presentation time of the frame that is given next."""
+        return self._times.pop(index)
+
+    def close(self) -> None:
+        """Stop reading; who waits for more gets the end."""
+        super().close()
+        self._input.close()
+
+    def _open(self, options: InputOptions) -> None:
+        demuxer = {"format_whitelist": CONTAINERS, "max_pixels": decoder_limit(options.max_pixels)}
+        form = None
+        if options.raw is not None:
+            form, parts = "rawvideo", raw_format(options.raw)
+            demuxer = dict(zip(("pixel_format", "video_size", "framerate"), parts, strict=True))
+        self._container: Any = av.open(
+            self._input, format=form, options=demuxer, buffer_size=_BUFFER_BYTES, **TAG_ERRORS
+        )
+        self._stream, _ = choose_video(self._container, options.stream, self._where)
+        prepare_decoder(self._stream, options.max_pixels, self._where)
+
+    def _check_source(self) -> None:
+        """A pipe has nothing that could change meanwhile."""
+
+    def _numbered(self, max_pixels: int) -> Iterator[Numbered]:
+        """Frames in presentation order: each one's index is how many packets are shown before."""
+        stream, base = self._stream, Fraction(self._stream.time_base or 1)
+        stamps = _Stamps(self._container, stream)
+        index = 0
+        for frame in decode_all(decoder_of(stream, max_pixels), self._packets(stamps)):
+            if stamps.is_before_first_key(frame.pts):
+                continue
+            lost = stamps.passed(frame.pts)
+            self.lost.extend(range(index, index + lost))
+            index += lost
+            rate = Fraction(stream.average_rate or stream.guessed_rate or 25)
+            self._times[index] = Fraction(index) / rate if frame.pts is None else frame.pts * base
+            yield index, frame, bool(frame.is_corrupt)
+            index += 1
+        self.lost.extend(range(index, index + stamps.left))
+
+    def _packets(self, stamps: _Stamps) -> Iterator[Any]:
+        codec = str(self._stream.codec_context.name)
+        count = size = 0
+        try:
+            for packet in self._container.demux(self._stream):
+                if not packet.size:
+                    self._check_end(count, size)
+                elif not is_hidden(packet, codec):
+                    stamps.see(packet)
+                count, size = count + 1, size + packet.size
+                yield packet
+        except (av.FFmpegError, OSError, IndexError) as error:
+            self.broken = f"the stream breaks off ({getattr(error, 'strerror', None) or error})"
+
+    def _check_end(self, count: int, size: int) -> None:
+        """See whether the end cuts an uncompressed frame short, which FFmpeg does not tell."""
+        rest, name = self._input.bytes_read - size, self._container.format.name
+        if name == "yuv4mpegpipe":
+            rest -= self._input.first_line_bytes + count * len(b"FRAME\n")
+            if count and rest % count == 0:  # each frame has parameters of its own
+                rest = 0
+        if rest > 0 and name in ("yuv4mpegpipe", "rawvideo"):
+            self.broken = "the stream breaks off within a frame"
+
+
+class _Stamps:
+    """The stamps of packets whose frames have not come yet: they tell which frames are lost."""
+
+    def __init__(self, container: Any, stream: Any) -> None:
+        # Else a frame may be two packets, or their stamps count another order.
+        self._counts = int(stream.codec_context.field_order) < 2 and container.format.name != "avi"
+        self._is_capture = str(container.format.name) in CAPTURES
+        self._jumps = Jumps(stream)
+        self._waiting: list[int] = []
+        self._first_key: int | None = None
+
+    @property
+    def left(self) -> int:
+        """How many packets' frames have not come."""
+        return len(self._waiting) if self._counts else 0
+
+    def see(self, packet: Any) -> None:
+        """Take notice of a packet before it is decoded."""
+        if self._jumps.see(packet.dts if packet.dts is not None else packet.pts):
+            self._counts = False  # joined captures: their stamps begin anew
+        if packet.pts is None or packet.is_discard:
+            return
+        if packet.is_keyframe and self._first_key is None:
+            self._first_key = packet.pts
+        if self._counts and not self.is_before_first_key(packet.pts):
+            heappush(self._waiting, packet.pts)
+
+    def is_before_first_key(self, pts: int | None) -> bool:
+        """Whether a capture's frame refers to what was not captured: it is none of its frames."""
+        if not (self._is_capture and self._counts) or pts is None:
+            return False
+        return self._first_key is None or pts < self._first_key
+
+    def passed(self, pts: int | None) -> int:
+        """How many frames should have come before the one that comes with this stamp."""
+        lost = 0
+        while self._counts and pts is not None and self._waiting and self._waiting[0] < pts:
+            heappop(self._waiting)
+            lost += 1
+        if self._counts and self._waiting and self._waiting[0] == pts:
+            heappop(self._waiting)
+        return lost
+
+
+def raw_format(text: str) -> tuple[str, str, str]:
+    """(pixel format, WIDTHxHEIGHT, frames a second) of "yuv420p10le:1920x1080:24000/1001".
+
+    Raises UsageError for anything else.
+    """
+    found = _RAW.fullmatch(text)
+    try:
+        is_known = found is not None and av.VideoFormat(found["form"]) is not None
+    except ValueError:
+        is_known = False
+    if found is None or not is_known:
+        raise UsageError(
+            f"raw must be FORMAT:WIDTHxHEIGHT:FPS, not {text!r}",
+            remedy="Such as yuv420p:1920x1080:25 or yuv422p10le:1920x1080:30000/1001.",
+        )
+    return found["form"], found["size"], found["rate"]
+
+
+@dataclass(frozen=True)
+class _Once(Decoder):
+    """A decoder that stands in the stream and cannot go back."""
+
+    def numbered(self, start: int) -> Iterator[Numbered]:
+        raise InputError("a pipe can be read only once", where=str(self.path))
+
+    def decoded(self, entry: tuple[int, int, int] | None) -> Iterator[Any]:
+        return iter(())
+
+
+class _Input:
+    """Standard input or a FIFO, read as bytes come; `close` ends a read that waits."""
+
+    def __init__(self, name: str) -> None:
+        self.bytes_read = self.first_line_bytes = 0
+        if name == STANDARD_INPUT:
+            if sys.stdin is None or sys.stdin.isatty():
+                raise UsageError(
+                    "standard input is a terminal, not a film",
+                    remedy="Pipe one in: ffmpeg ... -f yuv4mpegpipe - | itmo-video convert - out/",
+                )
+            self._fd = os.dup(sys.stdin.fileno())
+        else:
+            self._fd = os.open(name, os.O_RDONLY)
+        self._woken, self._wake = os.pipe()
+        with suppress(ImportError, OSError, AttributeError):
+            import fcntl
+
+            fcntl.fcntl(self._fd, fcntl.F_SETPIPE_SZ, _BUFFER_BYTES)  # fewer, larger reads
+
+    def read(self, size: int = -1) -> bytes:
+        ready, _, _ = select.select([self._fd, self._woken], [], [])
+        if self._woken in ready:
+            return b""
+        data = os.read(self._fd, size if size > 0 else _BUFFER_BYTES)
+        if self.bytes_read == 0:
+            self.first_line_bytes = data.find(b"\n") + 1
+        self.bytes_read += len(data)
+        return data
+
+    def close(self) -> None:
+        """End reading; the writer gets a broken pipe once this process lets go of it."""
+        with suppress(OSError):
+            os.write(self._wake, b"x")
+
+    def __del__(self) -> None:
+        for descriptor in (self._fd, self._woken, self._wake):
+            with suppress(OSError, AttributeError):
+                os.close(descriptor)
+
+
+def _digest(first: Any) -> str:
+    """Of the first frame, as the rest has not come yet: whoever resumes must not go by it."""
+    digest = hashlib.blake2b(f"pipe {first.format.name}".encode(), digest_size=16)
+    for plane in read_picture(first).planes:
+        digest.update(plane.tobytes())
+    return digest.hexdigest()
