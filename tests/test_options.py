@@ -119,8 +119,13 @@ def test_what_the_help_calls_the_default_is_what_happens(
     with pytest.raises(SystemExit):
         main(["convert", "--help"])
     told = " ".join(capsys.readouterr().out.split())
-    strength = make_settings().strength
-    assert f"weighs it beside the map; from 0 to 1 ({strength:g})" in told
+    happens = make_settings()
+    for f in dataclasses.fields(Settings):
+        value, text = getattr(happens, f.name), " ".join(spec_of(f).help.split())
+        if isinstance(value, int | float) and not isinstance(value, bool):
+            assert f"{text}; {spec_of(f).bounds_in_words} ({value:.10g})" in told
+        elif isinstance(value, str):
+            assert f"{text} ({value})" in told
     assert "SET_" not in told
     assert "." not in told.split("--operator ")[1].split()[0], "a field's name is shown to users"
 
