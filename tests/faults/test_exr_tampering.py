@@ -102,8 +102,11 @@ def test_mutants_are_whole_or_refused(compression: str, tmp_path: Path) -> None:
             read_exr(path)
 
 
+FAULTY = sorted(FAULTS.glob("exr/*.exr"))
+
+
 @pytest.mark.skipif(not FAULTS.exists(), reason="needs ../shared")
-@pytest.mark.parametrize("path", sorted(FAULTS.glob("exr/*.exr")), ids=lambda path: getattr(path, "stem", ""))
+@pytest.mark.parametrize("path", FAULTY, ids=lambda path: getattr(path, "stem", ""))
 def test_shared_faults(path: Path) -> None:
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     with pytest.raises(InputError):
