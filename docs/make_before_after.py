@@ -16,7 +16,7 @@ from itmo_video.colour import linear_light
 
 ROOT = Path(__file__).resolve().parent.parent
 FRAME = 24
-PRESETS = ("default", "paper")
+PRESETS = ("default", "ibl", "paper")
 LOWEST_STOP, HIGHEST_STOP = -6, 5
 WEIGHTS = np.array([0.2126, 0.7152, 0.0722], np.float32)
 

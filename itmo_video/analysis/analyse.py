@@ -20,6 +20,7 @@ from itmo_video.errors import DamagedInputError, InputError
 from itmo_video.events import OnEvent, Warned, ignore
 from itmo_video.model import Frame
 from itmo_video.motion.shots import Analysed, analyse_frame, difference, place
+from itmo_video.operators.auto_rendering import Rendering, rendering_of
 from itmo_video.presets import make_settings
 from itmo_video.settings import Settings
 from itmo_video.source.clip import first_number
@@ -38,6 +39,7 @@ class _Tally:
         self.histogram = np.zeros(_BINS, np.int64)
         self.total = self.maximum = self.clipped = self.change = 0.0
         self.frames = self.changes = 0
+        self.rendering = np.zeros(4)  # of rendering_of: clipped, bright, white, middle code
 
     def add(self, other: _Tally) -> None:
         self.histogram += other.histogram
@@ -47,6 +49,15 @@ class _Tally:
         self.change += other.change
         self.frames += other.frames
         self.changes += other.changes
+        self.rendering += other.rendering
+
+    def in_words(self, settings: Settings) -> str | None:
+        """How the frames were rendered to SDR, and what is done; None where nothing asks for it."""
+        if settings.operator != "auto":
+            return None
+        clipped, bright, white, middle = (self.rendering / max(1, self.frames)).tolist()
+        found = Rendering(clipped, bright, white, middle, settings.footage)
+        return found.in_words(settings.l_max_effective)
 
     def statistics(self) -> Statistics:
         levels = ((np.arange(_BINS) + 0.5) / _BINS) ** _GAMMA
@@ -148,7 +159,12 @@ def analyse(
         bars=edges.bars(),
         suggestions=suggestions(info, statistics),
         shots=tuple(
-            Shot(first + begin, first + end, statistics=tally.statistics())
+            Shot(
+                first + begin,
+                first + end,
+                statistics=tally.statistics(),
+                rendering=tally.in_words(settings),
+            )
             for begin, end, tally in shots
         ),
     )
@@ -184,7 +200,10 @@ def _tally(frame: Frame, map_width: int) -> _Tally:
     size = analysis_size(*frame.size, map_width)
     planes = tuple(cv2.resize(p, size, interpolation=cv2.INTER_AREA) for p in frame.planes)
     small = replace(frame, planes=planes)
-    luminance = limited_luminance(linear_light.to_rgb_linear(small, clip=True))
+    planes_linear = linear_light.to_rgb_linear(small, clip=True)
+    luminance = limited_luminance(planes_linear)
+    found = rendering_of(np.clip(np.dstack(list(planes_linear)), 0, 1))
+    tally.rendering[:] = found.clipped, found.bright, found.white, found.middle_code
     bins = np.minimum(luminance ** (1 / _GAMMA) * _BINS, _BINS - 1).astype(np.int64)
     tally.histogram = np.bincount(bins.ravel(), minlength=_BINS)
     tally.total, tally.maximum = float(luminance.mean(dtype=np.float64)), float(luminance.max())

@@ -42,7 +42,8 @@ class Shot:
     """Frames `first` to `last`, numbered as in the file names, inclusive, and how they are made.
 
     `own` is the shot's own look: settings by name, or a preset, with the meaning that they have on
-    the command line beside the conversion's. A shot that is not `enabled` is left SDR.
+    the command line beside the conversion's. A shot that is not `enabled` is left SDR. `rendering`
+    says in words how it was rendered to SDR, for people only.
     """
 
     first: int
@@ -50,6 +51,7 @@ class Shot:
     own: Mapping[str, Any] = field(default_factory=dict)
     enabled: bool = True
     statistics: Statistics | None = None
+    rendering: str | None = None
 
     def settings(self, base: Settings) -> Settings:
         """What its frames are made with where `base` is the conversion's; raises UsageError."""
@@ -59,6 +61,8 @@ class Shot:
     def to_row(self) -> dict[str, Any]:
         """As JSON has it: the own settings among its other entries."""
         row = {"first": self.first, "last": self.last, "enabled": self.enabled, **self.own}
+        if self.rendering is not None:
+            row["rendering"] = self.rendering
         return row | {"statistics": None if self.statistics is None else asdict(self.statistics)}
 
 

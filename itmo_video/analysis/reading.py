@@ -23,7 +23,7 @@ from itmo_video.output.atomic import StrPath
 from itmo_video.presets import check_own
 from itmo_video.settings import LOOK
 
-_OF_SHOT = ("first", "last", "enabled", "statistics")
+_OF_SHOT = ("first", "last", "enabled", "statistics", "rendering")
 
 
 def read_analysis(path: StrPath) -> Analysis:
@@ -107,6 +107,7 @@ def _shot(entry: Any, position: int) -> Shot:
         own={n: v for n, v in entry.items() if n not in _OF_SHOT and v is not None},
         enabled=entry.get("enabled", True),
         statistics=None if statistics is None else _statistics(statistics, place),
+        rendering=None if entry.get("rendering") is None else _text(entry, "rendering"),
     )
     if not isinstance(shot.enabled, bool):
         raise _WrongError(f"{place}: enabled must be true or false, not {shot.enabled!r}")

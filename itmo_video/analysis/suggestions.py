@@ -1,6 +1,6 @@
 """Settings that suit a clip, by simple rules of thumb, each with its reason.
 
-They are only told, never applied. Those for the Expand Map are for the preset `highlights`, with
+They are only told, never applied. Those for the Expand Map are for the operator banterle2006, with
 which they were measured (docs/quality.md); the numbers of the others are rules of thumb.
 """
 
@@ -11,6 +11,7 @@ from pathlib import Path
 from itmo_video.analysis.model import Statistics, Suggestion
 from itmo_video.model import ClipInfo
 
+FOR_THE_PAPER = "for --operator banterle2006"
 FEW_CLIPPED = 0.0005
 MANY_CLIPPED = 0.06
 DARK, BRIGHT = 0.1, 0.3  # of white: the middle tone of ordinary pictures lies between
@@ -36,12 +37,12 @@ def suggestions(info: ClipInfo, statistics: Statistics) -> tuple[Suggestion, ...
 def _peak(statistics: Statistics) -> Suggestion | None:
     if statistics.p50 >= VERY_DARK:
         return None
-    reason = f"half of the picture is below {statistics.p50:.1%} of white"
+    reason = f"{FOR_THE_PAPER}: half of the picture is below {statistics.p50:.1%} of white"
     return Suggestion("peak_nits", 600.0, f"{reason}: lit areas are overshot at a high peak")
 
 
 def _map(statistics: Statistics) -> tuple[Suggestion, ...]:
-    share = f"for --preset highlights: {statistics.clipped:.2%} of the pixels are clipped"
+    share = f"{FOR_THE_PAPER}: {statistics.clipped:.2%} of the pixels are clipped"
     if statistics.clipped < FEW_CLIPPED:
         reason = f"{share}: nothing large is there to be overshot, so the paper's map suits"
         return Suggestion("radius", 16.0, reason), Suggestion("min_lights", 4, reason)
@@ -50,7 +51,7 @@ def _map(statistics: Statistics) -> tuple[Suggestion, ...]:
         return (Suggestion("min_lights", 4, reason),)
     if statistics.p50 > DARK:
         reason = (
-            f"for --preset highlights: half of the picture is above {statistics.p50:.0%} of white, "
+            f"{FOR_THE_PAPER}: half of the picture is above {statistics.p50:.0%} of white, "
             "highlights are large"
         )
         return (Suggestion("radius", 8.0, reason),)
@@ -60,7 +61,8 @@ def _map(statistics: Statistics) -> tuple[Suggestion, ...]:
 def _l_white(statistics: Statistics) -> Suggestion | None:
     if not DARK < statistics.p50 <= BRIGHT:
         return None
-    reason = f"the middle tone is {statistics.p50:.0%} of white: it keeps its level beside lamps"
+    tone = f"the middle tone is {statistics.p50:.0%} of white"
+    reason = f"{FOR_THE_PAPER}: {tone}: it keeps its level beside lamps"
     return Suggestion("l_white", 12.0, reason)
 
 

@@ -15,6 +15,8 @@ from itmo_video.words import counted
 if TYPE_CHECKING:
     from itmo_video.analysis.model import Analysis
 
+MOST_SHOTS = 20  # at the terminal
+
 
 def add_analyse(commands: Any) -> None:
     """Add the subcommand."""
@@ -99,5 +101,9 @@ def in_words(analysis: Analysis) -> str:
             f"black bars: left {bars.left}, right {bars.right}, top {bars.top}, "
             f"bottom {bars.bottom} pixels"
         )
+    told = [shot for shot in analysis.shots if shot.rendering]
+    lines += [f"shot {shot.first}-{shot.last}: {shot.rendering}" for shot in told[:MOST_SHOTS]]
+    if len(told) > MOST_SHOTS:
+        lines.append(f"and {counted(len(told) - MOST_SHOTS, 'more shot')}, all in the JSON")
     lines += [f"suggested: {s.setting} = {s.value} ({s.reason})" for s in analysis.suggestions]
     return "\n".join(lines)

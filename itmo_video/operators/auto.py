@@ -37,7 +37,7 @@ OPEN_CENTRE, OPEN_SLOPE, OPEN_FROM = 0.808, 27.3, 0.5
 _OPEN_LOW, _OPEN_WHITE = (
     1 / (1 + math.exp(-OPEN_SLOPE * (light - OPEN_CENTRE))) for light in (OPEN_FROM, 1.0)
 )
-APART_FROM, APART_WHOLLY = 0.965, 0.985  # light at which a channel may part from the others
+APART_FROM, APART_WHOLLY = 0.97, 0.983  # light at which a channel may part from the others
 RATIO_LOW, RATIO_HIGH = 0.7, 2.0  # of smoothed over given light: small lamps stay bright
 LEAST_LIGHT = 2e-3
 # Texture is not lifted with the light that falls on it: eq. 11's argument is smoothed over it.
