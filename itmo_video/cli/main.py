@@ -19,6 +19,7 @@ from itmo_video.cli.outcome import debug, interrupted, reported
 from itmo_video.cli.preview import add_preview
 from itmo_video.cli.report import add_report
 from itmo_video.cli.studio import add_studio
+from itmo_video.cli.variants import add_variants
 from itmo_video.errors import ItmoError, UsageError
 
 
@@ -87,6 +88,7 @@ def _parser() -> argparse.ArgumentParser:
     add_analyse(commands)
     add_info(commands)
     add_studio(commands)
+    add_variants(commands)
     return parser
 
 

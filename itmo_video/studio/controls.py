@@ -9,6 +9,7 @@ from itmo_video.operators import OPERATORS
 from itmo_video.options import flag_of, spec_of
 from itmo_video.presets import load_preset, preset_names, read_preset
 from itmo_video.settings import LOOK, Settings
+from itmo_video.studio import variants
 
 # Where a setting stands on the page; one that is not named here stands under "More".
 GROUPS: dict[str, tuple[str, ...]] = {
@@ -21,8 +22,7 @@ GROUPS: dict[str, tuple[str, ...]] = {
     "File": ("primaries", "compression", "layers", "owner", "comments", "timecode"),
 }  # fmt: skip
 # They change which frames there are, which an open clip's time line does not follow.
-LEFT_OUT = ("fps", "deinterlace")
-_WIDE = 50  # bounds that are so many times apart are moved through by ratios
+LEFT_OUT = ("fps", "deinterlace", "stream")
 
 
 def controls() -> list[dict[str, Any]]:
@@ -47,9 +47,8 @@ def controls() -> list[dict[str, Any]]:
                 "kind": spec.kind.__name__,
                 "lower": spec.lower,
                 "upper": spec.upper,
-                "by_ratio": bool(
-                    spec.lower and spec.upper and spec.lower > 0 and spec.upper / spec.lower > _WIDE
-                ),
+                "usual": variants.usual_bounds(f.name, spec),
+                "by_ratio": variants.by_ratio(f.name, spec),
                 "choices": list(choices),
                 "default": list(default) if isinstance(default, tuple) else default,
                 "group": places.get(f.name, "More"),

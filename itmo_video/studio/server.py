@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import dataclasses
 import json
 from collections.abc import Awaitable, Callable
 from concurrent.futures import Future
@@ -24,6 +25,7 @@ from itmo_video.studio.saving import ExistsError
 from itmo_video.studio.session import Shown, StaleError
 from itmo_video.studio.site import Site
 from itmo_video.studio.still import avif_still
+from itmo_video.studio.variants import variants
 
 T = TypeVar("T")
 Answer = Callable[[Request], Awaitable[Response]]
@@ -46,6 +48,7 @@ class _Api:
             "/api/picture": self._picture,
             "/api/lights": self._lights,
             "/api/still.avif": self._still,
+            "/api/variants": self._variants,
         }
         posts: dict[str, Answer] = {
             "/api/edit": self._edit,
@@ -81,6 +84,10 @@ class _Api:
             asked.get("lane", "a"),
         )
         return _halfs(await _of(shown), version)
+
+    async def _variants(self, request: Request) -> Response:
+        found = variants(request.query_params.get("by", ""))
+        return JSONResponse([dataclasses.asdict(variant) for variant in found])
 
     async def _lights(self, request: Request) -> Response:
         asked = request.query_params

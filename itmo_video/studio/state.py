@@ -14,7 +14,7 @@ from itmo_video.colour.primaries import (
 )
 from itmo_video.settings import Settings
 from itmo_video.source.facts import clip_facts
-from itmo_video.studio import controls
+from itmo_video.studio import controls, variants
 from itmo_video.studio.desk import Desk
 from itmo_video.studio.document import Document
 
@@ -36,6 +36,7 @@ def about(desk: Desk) -> dict[str, Any]:
         "controls": controls.controls(),
         "presets": controls.presets(),
         "operators": controls.operators(),
+        "varied": variants.varied(),
         "primaries": {
             name: {
                 "to_709": rgb_to_rgb_matrix(name, "rec709").tolist(),
@@ -90,13 +91,11 @@ def _peak(desk: Desk) -> float:
 
 
 def _document(document: Document) -> dict[str, Any]:
-    settings: Settings = document.settings
-    values = {f.name: getattr(settings, f.name) for f in dataclasses.fields(settings)}
-    values["layers"] = list(settings.layers)
+    settings = document.settings
     return {
         "preset": document.preset,
         "changed": dict(document.changed),
-        "settings": values,
+        "settings": _values(settings),
         "l_max": settings.l_max_effective,
         "peak_nits": settings.l_max_effective * settings.white_nits,
         "shots": [
@@ -105,7 +104,13 @@ def _document(document: Document) -> dict[str, Any]:
                 "last": shot.last,
                 "enabled": shot.enabled,
                 "own": dict(shot.own),
+                "settings": _values(shot.settings(settings)) if shot.own else None,
             }
             for shot in document.shots
         ],
     }
+
+
+def _values(settings: Settings) -> dict[str, Any]:
+    values = {f.name: getattr(settings, f.name) for f in dataclasses.fields(settings)}
+    return {**values, "layers": list(settings.layers)}

@@ -21,10 +21,6 @@ function scale({ lower, upper, by_ratio, kind }) {
     from: (s) => round(lower + s / STEPS * (upper - lower)) };
 }
 
-// Reasonable ends for sliders whose bounds are wider than anybody goes; the number takes all.
-const USUAL = { peak_nits: [100, 10000], l_max: [1, 50], white_nits: [48, 500], l_white: [0.1, 50],
-  alpha: [0.01, 10], radius: [2, 128], min_lights: [0, 32], map_width: [64, 2048] };
-
 function powers(spec, onSet, id) {
   const select = make("select", { id });
   for (let n = spec.lower; n <= spec.upper; n *= 2) select.add(new Option(n, n));
@@ -33,7 +29,7 @@ function powers(spec, onSet, id) {
 }
 
 function numeric(spec, onSet, id) {
-  const [lower, upper] = USUAL[spec.name] || [spec.lower ?? 0, spec.upper ?? 1];
+  const [lower, upper] = spec.usual;  // the number beside it takes all that is within bounds
   const { to, from } = scale({ ...spec, lower, upper });
   const range = make("input", { type: "range", min: 0, max: STEPS, step: 1, tabIndex: -1 });
   range.setAttribute("aria-hidden", "true");
@@ -103,7 +99,7 @@ function parameters(spec, onSet) {
     if (operator && built !== operator.name) {
       built = operator.name;
       inner = operator.parameters.map((p) => ({ name: p.name, default: p.default, control: control(
-        { ...p, label: p.name.replaceAll("_", " "), kind: "float", choices: [], flag: p.name },
+        { ...p, usual: [p.lower, p.upper], label: p.name.replaceAll("_", " "), kind: "float", choices: [], flag: p.name },
         (v, isDrag) => {
           const next = { ...values };
           if (v === null) delete next[p.name]; else next[p.name] = v;

@@ -55,8 +55,9 @@ function build() {
 }
 
 function update() {
-  const { document: { settings, preset }, document } = S.state;
+  const { document: { preset }, document } = S.state;
   const shot = target(), mine = own();
+  const settings = (shot === null ? null : document.shots[shot]?.settings) ?? document.settings;
   const derived = { l_max: document.l_max, l_white: document.l_max, peak_nits: settings.peak_nits };
   for (const spec of S.about.controls) {
     const one = made.get(spec.name);

@@ -1,0 +1,48 @@
+"""`itmo-video variants`: its flags."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+from itmo_video.cli.option_flags import add_options, given, options_of
+from itmo_video.cli.settings_flags import add_settings
+from itmo_video.conversion.run_options import RunOptions
+from itmo_video.settings import Settings
+from itmo_video.studio.variants_options import VariantsOptions
+
+EXAMPLES = """\
+examples:
+  itmo-video variants clip.mp4 presets.png
+  itmo-video variants clip.mp4 peaks.html --frame 120 --vary peak-nits
+  itmo-video variants clip.mp4 radius.png --preset paper --vary radius --values 8,16,32
+"""
+
+
+def add_variants(commands: Any) -> None:
+    """Add the subcommand, with the settings' flags as `convert` has them."""
+    parser = commands.add_parser(
+        "variants",
+        help="a contact sheet of one frame: all presets, or a setting at several values",
+        description="Show one frame in variants side by side, tone-mapped for SDR monitors, as a "
+        "picture or as a page.",
+        epilog=EXAMPLES,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("clip", metavar="CLIP", help="a clip, still or image sequence")
+    parser.add_argument("output", metavar="OUT", help="a picture (.png .jpg) or a page (.html)")
+    add_options(parser, VariantsOptions)
+    add_options(parser, RunOptions, ("start_number", "max_pixels"))
+    add_settings(parser)
+    parser.set_defaults(run=_run)
+
+
+def _run(args: argparse.Namespace) -> int:
+    from itmo_video.studio.contact_sheet import contact_sheet
+
+    options, run = options_of(args, VariantsOptions), options_of(args, RunOptions)
+    output = Path(args.output)
+    contact_sheet(args.clip, output, args.preset, given(args, Settings), options, run)
+    print(output)
+    return 0

@@ -1,0 +1,141 @@
+"""A contact sheet of variants of one frame, as a picture or as a page that needs nothing else."""
+
+from __future__ import annotations
+
+import base64
+import dataclasses
+import html
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+
+from itmo_video.conversion.run_options import RunOptions
+from itmo_video.delivery import sdr
+from itmo_video.errors import ItmoError, UsageError
+from itmo_video.look import make_look
+from itmo_video.output.gate import PAGE, PAGE_MARK, STILL, Gate
+from itmo_video.presets import make_settings
+from itmo_video.settings import Settings
+from itmo_video.source.opening import input_files, input_options
+from itmo_video.studio.session import Session
+from itmo_video.studio.variants import Variant, variants
+from itmo_video.studio.variants_options import VariantsOptions
+
+WIDTH_PX = 480
+_LABEL_PX, _GAP_PX = 34, 12
+_STYLE = (
+    "body{background:#161616;color:#d9d9d9;font:15px/1.4 system-ui,sans-serif;margin:20px}"
+    "main{display:grid;grid-template-columns:repeat(auto-fill,minmax(min(320px,100%),1fr));gap:16px}"
+    "figure{margin:0;background:#1e1e1e}img{width:100%;display:block}"
+    "figcaption{padding:8px 12px}small{display:block;color:#a2a2a2}h1{font-size:18px}"
+)
+
+
+def contact_sheet(
+    source: str | Path,
+    output: Path,
+    preset: str,
+    changed: dict[str, Any],
+    options: VariantsOptions,
+    run: RunOptions,
+) -> int:
+    """Write the sheet to `output` (.png, .jpg or .html); returns how many variants are on it.
+
+    Pictures are tone-mapped by BT.2390 for one peak, the highest of all, so that they compare.
+    Raises what opening the clip raises, UsageError for a frame or a variant that is none, and
+    OutputError where `output` may not be written.
+    """
+    suffix = output.suffix.lower()
+    if suffix not in (".png", ".jpg", ".jpeg", ".html"):
+        raise UsageError("a contact sheet is .png, .jpg or .html", where=str(output))
+    kind = PAGE if suffix == ".html" else STILL
+    gate = Gate(output, kind, inputs=input_files(source), overwrite=options.overwrite)
+    gate.check()
+    tried = variants(options.vary, options.values)
+    settings = [_settings(variant, preset, changed) for variant in tried]
+    with Session(source, input_options(settings[0], run.max_pixels)) as session:
+        info = session.clip.info
+        first = info.first_number if info.first_number is not None else run.start_number
+        number = options.frame if options.frame is not None else first + info.frames // 2
+        if not first <= number < first + info.frames:
+            raise UsageError(
+                f"there is no frame {number}", where=info.path,
+                remedy=f"It has {first}-{first + info.frames - 1}.",
+            )  # fmt: skip
+        peak = max(one.l_max_effective for one in settings)
+        pictures = [_picture(session, number - first, one, peak) for one in settings]
+    if suffix == ".html":
+        gate.write(_page(f"{Path(info.path).name}, frame {number}", tried, pictures))
+    else:
+        done, data = cv2.imencode(suffix, _grid(tried, pictures))
+        assert done
+        gate.write(bytes(data))
+    return len(tried)
+
+
+def _settings(variant: Variant, preset: str, changed: dict[str, Any]) -> Settings:
+    if variant.preset is not None:
+        return make_settings(variant.preset, **changed)
+    values = {**changed, **variant.values}
+    for one, other in (("l_max", "peak_nits"), ("peak_nits", "l_max")):
+        if one in variant.values:
+            values.pop(other, None)
+    try:
+        return make_settings(preset, **values)
+    except ItmoError as error:
+        raise UsageError(f"{variant.label}: {error.what}", remedy=error.remedy) from error
+
+
+def _picture(session: Session, index: int, settings: Settings, peak: float) -> Any:
+    """BGR, uint8, at most WIDTH_PX wide."""
+    shown = session.picture(index, make_look(dataclasses.replace(settings, layers=())))
+    linear = sdr.to_709(tuple(shown.planes), shown.primaries)
+    width, height = shown.size
+    if width > WIDTH_PX:
+        size = (WIDTH_PX, max(1, round(height * WIDTH_PX / width)))
+        small = cv2.resize(linear, size, interpolation=cv2.INTER_AREA)
+        linear = np.asarray(small, np.float32)
+    mapped = sdr.tone_mapped(linear, "bt2390", peak)
+    return np.ascontiguousarray(np.round(mapped[..., ::-1] * 255).astype(np.uint8))
+
+
+def _grid(tried: Sequence[Variant], pictures: Sequence[Any]) -> Any:
+    columns = max(1, round(len(tried) ** 0.5 + 0.2))
+    rows = -(-len(tried) // columns)
+    height, width = pictures[0].shape[:2]
+    cell_h, cell_w = height + _LABEL_PX + _GAP_PX, width + _GAP_PX
+    sheet = np.full((rows * cell_h + _GAP_PX, columns * cell_w + _GAP_PX, 3), 22, np.uint8)
+    for i, (variant, picture) in enumerate(zip(tried, pictures, strict=True)):
+        top, left = i // columns * cell_h + _GAP_PX, i % columns * cell_w + _GAP_PX
+        sheet[top : top + height, left : left + width] = picture
+        at = (left + 4, top + height + 24)
+        label = variant.label.encode("ascii", "replace").decode()
+        cv2.putText(
+            sheet, label, at, cv2.FONT_HERSHEY_SIMPLEX, 0.6, (217, 217, 217), 1, cv2.LINE_AA
+        )
+    return sheet
+
+
+def _page(title: str, tried: Sequence[Variant], pictures: Sequence[Any]) -> bytes:
+    figures = []
+    for variant, picture in zip(tried, pictures, strict=True):
+        done, data = cv2.imencode(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, 92])
+        assert done
+        uri = f"data:image/jpeg;base64,{base64.b64encode(bytes(data)).decode()}"
+        label, says = html.escape(variant.label), html.escape(variant.says)
+        figures.append(
+            f'<figure><img src="{uri}" alt="{label}">'
+            f"<figcaption>{label}<small>{says}</small></figcaption></figure>"
+        )
+    policy = "default-src 'none'; img-src data:; style-src 'unsafe-inline'"
+    text = (
+        f'<!doctype html><html lang="en"><head><meta charset="utf-8">{PAGE_MARK.decode()}'
+        f'<meta http-equiv="Content-Security-Policy" content="{policy}">'
+        '<meta name="viewport" content="width=device-width, initial-scale=1">'
+        f"<title>{html.escape(title)}</title><style>{_STYLE}</style></head>"
+        f"<body><h1>{html.escape(title)}</h1><main>{''.join(figures)}</main></body></html>\n"
+    )
+    return text.encode("utf-8", "backslashreplace")

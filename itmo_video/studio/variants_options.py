@@ -1,0 +1,25 @@
+"""What a contact sheet shows: the options of `variants` that are its own."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from itmo_video.options import check_options, option
+
+
+@dataclass(frozen=True)
+class VariantsOptions:
+    """What is varied, and on which frame. Validated when made (UsageError)."""
+
+    vary: str = option("presets", str, "a setting's name, or presets", metavar="SETTING")
+    values: tuple[str, ...] = option(
+        (), tuple, "its values, or presets' names, comma-separated (some usual ones)",
+        metavar="VALUE,...",
+    )  # fmt: skip
+    frame: int | None = option(
+        None, int, "number of the frame (the middle one)", lower=0, metavar="N"
+    )
+    overwrite: bool = option(False, bool, "replace OUT")
+
+    def __post_init__(self) -> None:
+        check_options(self)
