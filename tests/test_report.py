@@ -82,7 +82,7 @@ def test_a_hostile_manifest_stays_text(folder: Path, tmp_path: Path) -> None:
     (copy / MANIFEST_NAME).write_text(json.dumps(manifest))
     text = page.report(copy).read_text("utf-8")
     assert "<script>alert" not in text, "the name runs"
-    assert text.count("</script>") == 2, "the name ends a script"
+    assert text.count("</script>") == 3, "the name ends a script"
     assert "&lt;/script&gt;&lt;script&gt;alert(1)" in text
 
 
@@ -175,7 +175,7 @@ def move(tab: Any, control: str, value: float) -> None:
 def test_controls_change_the_picture(opened: tuple[Any, list[str]]) -> None:
     tab, told = opened
     seen = [pixels(tab)]
-    for control, value in (("frame", 5), ("exposure", -2), ("split", 10)):
+    for control, value in (("frame", 5), ("exposure", -2), ("exposure-sdr", -1), ("split", 10)):
         move(tab, control, value)
         seen.append(pixels(tab))
     tab.check("input[value=false]")
@@ -184,6 +184,26 @@ def test_controls_change_the_picture(opened: tuple[Any, list[str]]) -> None:
     seen.append(pixels(tab))
     assert len(set(seen)) == len(seen), "a control changed nothing"
     assert told == [], "the page complained or asked for something"
+
+
+def test_it_plays_and_its_divider_is_dragged(opened: tuple[Any, list[str]]) -> None:
+    tab, told = opened
+    tab.click("#play")
+    seen = set()
+    for _ in range(200):
+        seen.add(tab.get_attribute("#screen", "data-frame"))
+        if len(seen) > 3:
+            break
+        tab.wait_for_timeout(50)
+    tab.click("#play")
+    assert len(seen) > 3, "it does not play"
+    handle = tab.query_selector("#divider").bounding_box()
+    tab.mouse.move(handle["x"] + 1, handle["y"] + 20)
+    tab.mouse.down()
+    tab.mouse.move(handle["x"] - 150, handle["y"] + 20, steps=3)
+    tab.mouse.up()
+    assert float(tab.input_value("#split")) < 45, "the divider does not follow"
+    assert told == []
 
 
 def test_a_narrow_page_cuts_nothing_off(browser: Any, folder: Path) -> None:

@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-import base64
 import json
 from collections.abc import Iterator, Sequence
 from importlib import resources
 from pathlib import Path
 from typing import Any
 
-import cv2
 import numpy as np
 
 from itmo_video.conversion.frame_ranges import format_ranges
 from itmo_video.conversion.run_options import RunOptions
-from itmo_video.delivery import sdr
 from itmo_video.delivery.from_folder import from_folder
 from itmo_video.delivery.pictures import Picture, Pictures
 from itmo_video.errors import UsageError
@@ -22,6 +19,7 @@ from itmo_video.events import FrameDone, OnEvent, Started, ignore
 from itmo_video.html_report import embed, measure, plots
 from itmo_video.html_report.measure import FilmFacts, Measured
 from itmo_video.html_report.report_options import ReportOptions
+from itmo_video.html_report.viewer_data import MAX_WIDTH, import_map, viewer_data
 from itmo_video.output.converted import Converted, open_converted, peak_nits_of
 from itmo_video.output.folder import Manifest
 from itmo_video.output.gate import PAGE, Gate
@@ -29,8 +27,7 @@ from itmo_video.source.facts import clip_facts
 from itmo_video.source.opening import input_files
 from itmo_video.words import counted
 
-MAX_FRAMES = 24
-MAX_WIDTH = 640
+MAX_FRAMES = 240
 MAX_PICTURE_CHARACTERS = 13_500_000  # the page with its plots stays below 15 MB
 REPORT_NAME = "report.html"
 
@@ -124,27 +121,13 @@ def render_page(
     """The page as text; every name and value is escaped by the template engine."""
     manifest = converted.manifest
     white, frames = pictures.white_nits, facts.frames
-    peak = pictures.peak_nits / white
-    low, high = sdr.false_colour_range(peak)
-    positions = {frame.number: i for i, frame in enumerate(frames)}
-    last = max(1, len(frames) - 1)
-    viewer = {
-        "frames": [
-            {"number": e.number, "index": e.index, "size": e.size, "hdr": e.hdr,
-             "source": e.source, "map": e.map} for e in embedded
-        ],
-        "positions": [positions[e.number] / last for e in embedded],
-        "left": plots.LEFT, "across": plots.WIDTH - plots.LEFT - plots.RIGHT,
-        "codes": embed.CODES, "lowest": embed.LOWEST_STOP, "highest": embed.highest_stop(peak),
-        "aspect": float(pictures.pixel_aspect), "falseLow": low, "falseHigh": high,
-        "ramp": _ramp(), "white": white, "width": MAX_WIDTH,
-        "has_source": any(e.source for e in embedded), "has_map": any(e.map for e in embedded),
-    }  # fmt: skip
+    viewer = viewer_data(embedded, [frame.number for frame in frames], pictures)
     shares = facts.histogram.tolist()
     bars = plots.bars(shares, measure.LOWEST_STOP, measure.BINS_A_STOP)
     return str(_templates().get_template("report.html.j2").render(
         source_name=manifest.source_name, headline=_headline(pictures), viewer=viewer,
-        style=_raw("report.css"), script=_raw("report.js"), frame_count=len(frames),
+        style=_raw("report.css"), script=_raw("report.js"), import_map=_markup(import_map()),
+        shown_frames=format_ranges([e.number for e in embedded]), frame_count=len(frames),
         white_nits=f"{white:g}", levels=_levels(facts), plots=_plots(facts), bars=bars,
         tallest=f"{max(shares):.1%}", warnings=_warnings(facts, pictures, converted),
         facts=source_facts, settings=_settings_rows(converted),
@@ -268,20 +251,17 @@ def _told(value: object) -> str:
     return f"{value:g}" if isinstance(value, float) else json.dumps(value, default=str)
 
 
-def _ramp() -> str:
-    """RGB of 256 levels of cividis, base64."""
-    levels = np.arange(256, dtype=np.uint8)[None]
-    rgb = cv2.applyColorMap(levels, cv2.COLORMAP_CIVIDIS)[0, :, ::-1]
-    return base64.b64encode(np.ascontiguousarray(rgb).tobytes()).decode()
-
-
 def _raw(name: str) -> Any:
-    """Our own style or script, which is not escaped."""
+    """Our own style or script."""
+    template = resources.files("itmo_video.html_report").joinpath("template", name)
+    return _markup(template.read_text("utf-8"))
+
+
+def _markup(text: str) -> Any:
+    """Text of our own, which is not escaped."""
     from markupsafe import Markup
 
-    return Markup(
-        resources.files("itmo_video.html_report").joinpath("template", name).read_text("utf-8")
-    )
+    return Markup(text)
 
 
 def require_templates() -> None:

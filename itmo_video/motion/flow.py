@@ -8,6 +8,7 @@ fetched to `here` by looking it up at (x, y) + flow.
 from __future__ import annotations
 
 import threading
+from collections.abc import Callable
 
 import cv2
 import numpy as np
@@ -166,14 +167,21 @@ def spread(weight: Float32 | float, values: Float32) -> Float32 | float:
     return np.asarray(cv2.merge([weight] * values.shape[2]))  # faster than broadcasting
 
 
+FindFlow = Callable[[Code, Code], Float32]
+
+
 def track_map(
-    here: Code, left: tuple[Code, Float32], right: tuple[Code, Float32], t: float
+    here: Code,
+    left: tuple[Code, Float32],
+    right: tuple[Code, Float32],
+    t: float,
+    find_flow: FindFlow = flow_px,
 ) -> Float32:
     """The map of the frame `here` from the (picture, map) of the keys on its two sides."""
     seen: list[Float32] = []
     weights: list[Float32] = []
     for there, key_map in (left, right):
-        flow = flow_px(here, there)
+        flow = find_flow(here, there)
         seen.append(warp(key_map, flow))
         weights.append(agreement(here, there, flow))
     return blend_maps(seen[0], seen[1], t, weights[0], weights[1])

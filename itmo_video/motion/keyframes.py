@@ -90,6 +90,7 @@ def spans(
     first_needed: int,
     is_wanted: Callable[[Sequence[Analysed]], bool],
     pool: Executor,
+    find_flow: flow_room.FindFlow = flow_room.flow_px,
 ) -> Iterator[Span]:
     """Pair the frames with the keys on either side, in order, each key's map made once.
 
@@ -124,8 +125,8 @@ def spans(
         if item.is_key:
             key = Key(item, pool.submit(make_map, item.analysed))
             if shot and smooth_keys:
-                key.to_previous = pool.submit(flow_room.flow_px, key.grey, shot[-1].grey)
-                shot[-1].to_next = pool.submit(flow_room.flow_px, shot[-1].grey, key.grey)
+                key.to_previous = pool.submit(find_flow, key.grey, shot[-1].grey)
+                shot[-1].to_next = pool.submit(find_flow, shot[-1].grey, key.grey)
             shot.append(key)
             waiting.append((key, [item]))
             yield from ready(smooth_keys)

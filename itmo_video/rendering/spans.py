@@ -22,6 +22,7 @@ from itmo_video.expand_map.key_map import make_key_map
 from itmo_video.look import Look
 from itmo_video.model import Float32, Frame
 from itmo_video.motion import flow, keyframes
+from itmo_video.motion.flow import FindFlow, flow_px
 from itmo_video.motion.keyframes import Span
 from itmo_video.motion.shots import CUT_REACH, Analysed, analyse_frame, place
 from itmo_video.rendering.frame import Rendered, render
@@ -139,11 +140,12 @@ def spans_of(
     pool: Executor,
     analyse: Analyse = analyse_frame,
     make_map: MakeMap = make_key_map,
+    find_flow: FindFlow = flow_px,
 ) -> Iterator[Span]:
     """The run's spans in order, until its last wanted frame; a broken end ends the last shot.
 
-    Their maps are made in the `pool`. Who renders frames again and again hands in an `analyse` and
-    a `make_map` that remember.
+    Their maps are made in the `pool`. Who renders frames again and again hands in functions that
+    remember.
     """
 
     def source() -> Iterator[Analysed]:
@@ -166,6 +168,7 @@ def spans_of(
         run.keys,
         lambda frames: any(a.index in run.wanted for a in frames),
         pool,
+        find_flow,
     )
     for span in spans:
         yield span
@@ -190,7 +193,11 @@ def render_span(
 
 
 def map_between(
-    span: Span, analysed: Analysed, look: Look, make_map: MakeMap = make_key_map
+    span: Span,
+    analysed: Analysed,
+    look: Look,
+    make_map: MakeMap = make_key_map,
+    find_flow: FindFlow = flow_px,
 ) -> Float32:
     """The map of one frame of a span: a key's own, or made from the keys on either side."""
     index = analysed.index
@@ -203,7 +210,7 @@ def map_between(
     if look.settings.temporal == "blend":
         return flow.blend_maps(left_map.result(), right_map.result(), t, 1.0, 1.0)
     keys = (left, left_map.result()), (right, right_map.result())
-    return flow.track_map(analysed.grey, *keys, t)
+    return flow.track_map(analysed.grey, *keys, t, find_flow)
 
 
 @single_opencv_thread()

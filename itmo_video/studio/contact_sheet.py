@@ -19,6 +19,7 @@ from itmo_video.look import make_look
 from itmo_video.output.gate import PAGE, PAGE_MARK, STILL, Gate
 from itmo_video.presets import make_settings
 from itmo_video.settings import Settings
+from itmo_video.source.clip import first_number
 from itmo_video.source.opening import input_files, input_options
 from itmo_video.studio.session import Session
 from itmo_video.studio.variants import Variant, variants
@@ -58,7 +59,7 @@ def contact_sheet(
     settings = [_settings(variant, preset, changed) for variant in tried]
     with Session(source, input_options(settings[0], run.max_pixels)) as session:
         info = session.clip.info
-        first = info.first_number if info.first_number is not None else run.start_number
+        first = first_number(info, run.start_number)
         number = options.frame if options.frame is not None else first + info.frames // 2
         if not first <= number < first + info.frames:
             raise UsageError(

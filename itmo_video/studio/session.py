@@ -19,6 +19,7 @@ from itmo_video.errors import DamagedInputError
 from itmo_video.expand_map.key_map import key_lights, make_key_map
 from itmo_video.look import Look
 from itmo_video.model import Code, Float32, Frame, Half
+from itmo_video.motion.flow import flow_px
 from itmo_video.motion.keyframes import Span
 from itmo_video.motion.shots import Analysed, analyse_frame
 from itmo_video.rendering import spans
@@ -90,7 +91,7 @@ class Session:
     @property
     def held_bytes(self) -> int:
         """What the pictures that are remembered take, decoded frames apart."""
-        return self._small.held_bytes + self._maps.held_bytes
+        return sum(m.held_bytes for m in (self._small, self._maps, self._flows))
 
     def picture(
         self,
@@ -145,6 +146,7 @@ class Session:
         self._options = options
         self._small = Memory[tuple[Float32, Code, Float32]](self._map_bytes)
         self._maps = Memory[Float32](self._map_bytes)
+        self._flows = Memory[tuple[Float32, Code, Code]](self._map_bytes)
 
     def _reopen(self, look: Look) -> None:
         """Read the clip as these settings say; all that is remembered is of one reading."""
@@ -166,7 +168,7 @@ class Session:
         if map_small is None:
             span, analysed = self._span_of(index, look)
             self._check()
-            map_small = spans.map_between(span, analysed, look, self._make_map)
+            map_small = spans.map_between(span, analysed, look, self._make_map, self._find_flow)
             self._maps.put(key, map_small, map_small.nbytes)
             return analysed.frame, map_small, analysed.guide
         frame = self.frame(index)
@@ -176,7 +178,14 @@ class Session:
         ended: list[Exception] = []
         (run,) = spans.plan_runs([index], look)
         found: Iterator[Span] = spans.spans_of(
-            self.clip, run, look, ended.append, self._pool, self._analyse, self._make_map
+            self.clip,
+            run,
+            look,
+            ended.append,
+            self._pool,
+            self._analyse,
+            self._make_map,
+            self._find_flow,
         )
         for span in found:
             for analysed in span.frames:
@@ -203,6 +212,15 @@ class Session:
             held = make_key_map(frame, look)
             self._maps.put(key, held, held.nbytes)
         return held
+
+    def _find_flow(self, here: Code, there: Code) -> Float32:
+        # By identity, which holds as long as both pictures are held beside the flow.
+        key = ("flow", id(here), id(there))
+        held = self._flows.get(key)
+        if held is None:
+            held = flow_px(here, there), here, there
+            self._flows.put(key, held, sum(part.nbytes for part in held))
+        return held[0]
 
     def _check(self) -> None:
         if self._stale():

@@ -76,7 +76,18 @@ function drawMask(out, mask, left, right) {
   });
 }
 
-// Draws `sides`, each {picture, view, from, to (0 to 1), gain, other, layer, mask}, to `canvas`.
+// A map of any size laid on top in light blue.
+function drawTint(out, tint, picture, left, right) {
+  const { width, height } = picture, { codes, light } = tint;
+  eachPixel(picture, left, right, (p) => {
+    const row = Math.floor(Math.floor(p / width) * tint.height / height);
+    const m = light[codes[row * tint.width + Math.floor(p % width * tint.width / width)]] * 0.75;
+    const was = out[p], r = was & 255, g = was >> 8 & 255, b = was >> 16 & 255;
+    out[p] = 255 << 24 | b + m * (233 - b) << 16 | g + m * (180 - g) << 8 | r + m * (86 - r);
+  });
+}
+
+// Draws `sides`, each {picture, view, from, to (0 to 1), gain, other, layer, mask, tint}.
 export function draw(canvas, sides, common) {
   const { width, height } = sides[0].picture;
   if (canvas.width !== width || canvas.height !== height) Object.assign(canvas, { width, height });
@@ -97,6 +108,7 @@ export function draw(canvas, sides, common) {
       });
     else drawPicture(out, picture, left, right, asked);
     if (mask) drawMask(out, mask, left, right);
+    if (side.tint) drawTint(out, side.tint, picture, left, right);
   }
   context.putImageData(shared, 0, 0);
 }

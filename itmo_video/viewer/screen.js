@@ -3,9 +3,10 @@
 const KEYS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
 
 export class Screen {
-  // `box` holds the canvas, the overlay canvas and the divider; `size` is the full picture's.
-  constructor({ box, canvas, overlay, divider, size, aspect, onProbe, onDivide }) {
-    Object.assign(this, { box, canvas, overlay, divider, size, aspect, onProbe, onDivide });
+  // `box` holds the canvas, the overlay canvas and the divider; `size` is the full picture's. The
+  // probe is moved by arrow keys, with Alt where `keys` says so.
+  constructor({ box, canvas, overlay, divider, size, aspect, keys = "alt", onProbe, onDivide }) {
+    Object.assign(this, { box, canvas, overlay, divider, size, aspect, keys, onProbe, onDivide });
     this.split = 0.5;
     this.zoom = "fit";
     this.probe = null;
@@ -66,7 +67,7 @@ export class Screen {
 
   #key(e) {
     const step = KEYS[e.key];
-    if (!step || !e.altKey) return;
+    if (!step || e.altKey !== (this.keys === "alt")) return;
     e.preventDefault();
     e.stopPropagation();
     const by = e.shiftKey ? 10 : 1, [x, y] = this.probe || [0.5, 0.5];
