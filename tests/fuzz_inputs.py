@@ -27,7 +27,11 @@ from clips import SHARED
 from fuzz import mutate
 
 MEMORY_BYTES, SECONDS = 2 << 30, 20
-WHOLE, REFUSED, SHORT, WRONG = 0, 1, 2, 3
+WHOLE, REFUSED, SHORT, WRONG, FLAT = 0, 1, 2, 3, 4
+WRONGS = {
+    WRONG: "a frame of another size than told", FLAT: "a part of the picture is missing",
+    99: "a traceback",
+}  # fmt: skip
 
 
 def made_stills(folder: Path) -> list[Path]:
@@ -67,8 +71,16 @@ def field_reports() -> list[Path]:
     return sorted(p for p in folder.rglob("*.*") if p.suffix not in (".md", ".exr"))
 
 
-def read_whole(path: Path) -> int:
-    """Read a clip as `convert` does; WHOLE only if each of its frames came, of the size it says."""
+def flat_part(planes: tuple[np.ndarray, ...]) -> float:
+    """How much of a picture is rows of one colour: what decoders fill a missing part with."""
+    return float(np.mean([np.ptp(plane, axis=1) == 0 for plane in planes[:3]]))
+
+
+def read_whole(path: Path, flat: float = 1) -> int:
+    """Read a clip as `convert` does; WHOLE only if each of its frames came, of the size it says.
+
+    FLAT where a still has more rows of one colour than the part `flat`, which its original has.
+    """
     from itmo_video.errors import DamagedInputError, ItmoError
     from itmo_video.source.opening import open_clip
 
@@ -79,6 +91,8 @@ def read_whole(path: Path) -> int:
                 seen += not frame.is_damaged
                 if frame.size != clip.info.display_size:
                     return WRONG
+                if clip.info.container == "image" and flat_part(frame.planes) > flat + 0.1:
+                    return FLAT
             is_short = (clip.info.frames_declared or 0) > clip.info.frames
             return SHORT if seen < clip.info.frames or is_short else WHOLE
     except DamagedInputError:
@@ -87,7 +101,7 @@ def read_whole(path: Path) -> int:
         return REFUSED
 
 
-def run_one(path: Path) -> tuple[int | str, str]:
+def run_one(path: Path, flat: float = 1) -> tuple[int | str, str]:
     """What became of a mutant, in a fork: one of the codes or what went wrong, and its errors."""
     with tempfile.TemporaryFile() as told:
         child = os.fork()
@@ -96,7 +110,7 @@ def run_one(path: Path) -> tuple[int | str, str]:
             resource.setrlimit(resource.RLIMIT_AS, (MEMORY_BYTES, MEMORY_BYTES))
             signal.alarm(SECONDS)
             try:
-                os._exit(read_whole(path))
+                os._exit(read_whole(path, flat))
             except BaseException:
                 import traceback
 
@@ -109,7 +123,28 @@ def run_one(path: Path) -> tuple[int | str, str]:
         number = os.WTERMSIG(status)
         return "it hangs" if number == signal.SIGALRM else f"signal {number}", errors
     code = os.WEXITSTATUS(status)
-    return {99: "a traceback", WRONG: "a frame of another size than told"}.get(code, code), errors
+    return WRONGS.get(code, code), errors
+
+
+def flat_of(path: Path) -> float:
+    """The part of a whole still that is rows of one colour; 1 for all else."""
+    reading, writing = os.pipe()
+    child = os.fork()
+    if child == 0:
+        from itmo_video.source.opening import open_clip
+
+        try:
+            with open_clip(path) as clip:
+                part = flat_part(next(iter(clip.frames())).planes)
+                is_still = clip.info.container == "image"
+            os.write(writing, str(part if is_still else 1).encode())
+        finally:
+            os._exit(0)
+    os.close(writing)
+    with os.fdopen(reading) as told:
+        part = float(told.read() or 1)
+    os.waitpid(child, 0)
+    return part
 
 
 def failures(
@@ -119,13 +154,14 @@ def failures(
     import itmo_video.source.opening  # noqa: F401 - so that forks have it
 
     codes: Counter[str] = Counter()
+    flats = {path: flat_of(path) for path in files}
     with tempfile.TemporaryDirectory() as name:
         for number in range(count) if only is None else (only,):
             original = files[number % len(files)]
             data = mutate(original.read_bytes(), random.Random(f"{seed} {number}"))
             mutant = Path(name) / f"m{original.suffix}"
             mutant.write_bytes(data)
-            outcome, errors = run_one(mutant)
+            outcome, errors = run_one(mutant, flats[original])
             word = {WHOLE: "whole", REFUSED: "refused", SHORT: "short"}.get(outcome, str(outcome))
             codes[word] += 1
             if isinstance(outcome, str):

@@ -8,11 +8,12 @@ import zlib
 from fractions import Fraction
 from pathlib import Path
 
+import av
 import numpy as np
 import pillow_heif
 import pytest
 from PIL import Image
-from stills import encoded, noise
+from stills import encoded, linear_srgb, noise
 
 from itmo_video.errors import AlreadyHdrError, InputError
 from itmo_video.source import still_formats
@@ -342,3 +343,46 @@ def test_gaps_of_a_sequence_are_told_by_number(tmp_path: Path) -> None:
     for n in (3, 4, 7):
         Image.fromarray(noise()).save(tmp_path / f"{n}.png")
     assert any("missing: 5, 6" in n for n in open_clip(tmp_path / "%d.png").info.notices)
+
+
+def test_avif_of_10_bits_keeps_them_and_its_range(tmp_path: Path) -> None:
+    """The encoder writes the limited range, in which 940 is white."""
+    data = io.BytesIO()
+    with av.open(data, "w", format="avif") as box:
+        stream = box.add_stream("libsvtav1", rate=1, options={"crf": "5"})
+        stream.width, stream.height, stream.pix_fmt = 64, 64, "yuv420p10le"
+        frame = av.VideoFrame(64, 64, "yuv420p10le")
+        for plane, code in zip(frame.planes, (940, 512, 512), strict=True):
+            plane.update(np.full(plane.buffer_size // 2, code, "<u2").tobytes())
+        frame.pts = 0
+        box.mux(stream.encode(frame))
+        box.mux(stream.encode(None))
+    path = written(tmp_path / "a.avif", data.getvalue())
+    encoding = open_clip(path).info.encoding
+    assert (encoding.bit_depth, encoding.range, encoding.transfer) == (10, "limited", "srgb")
+    np.testing.assert_allclose(linear_srgb(path), 1, atol=0.005)
+
+
+@pytest.mark.parametrize(("chunks", "transfer", "primaries"), [
+    (((b"cICP", bytes([12, 13, 0, 1])),), "srgb", "p3d65"),
+    (((b"gAMA", struct.pack(">I", 100000)),), "linear", "rec709"),
+    (((b"gAMA", struct.pack(">I", 45455)),), "gamma22", "rec709"),
+    (((b"gAMA", struct.pack(">I", 45455)), (b"sRGB", b"\0")), "srgb", "rec709"),
+])  # fmt: skip
+def test_colour_chunks_of_png(tmp_path: Path, chunks, transfer: str, primaries: str) -> None:
+    data = encoded(noise(), "PNG")
+    extra = b"".join(
+        struct.pack(">I", len(body)) + name + body + struct.pack(">I", zlib.crc32(name + body))
+        for name, body in chunks
+    )
+    path = written(tmp_path / "a.png", data[:33] + extra + data[33:])
+    encoding = open_clip(path).info.encoding
+    assert (encoding.transfer, encoding.primaries) == (transfer, primaries)
+
+
+def test_pq_stills_are_refused(tmp_path: Path) -> None:
+    data = encoded(noise(), "PNG")
+    body = bytes([9, 16, 0, 1])
+    chunk = struct.pack(">I", 4) + b"cICP" + body + struct.pack(">I", zlib.crc32(b"cICP" + body))
+    with pytest.raises(AlreadyHdrError, match="PQ"):
+        open_clip(written(tmp_path / "a.png", data[:33] + chunk + data[33:]))

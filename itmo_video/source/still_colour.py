@@ -30,8 +30,9 @@ def resolve(
     if colour.icc is not None:
         picture, found = _by_profile(picture, colour.icc, options, told)
     elif colour.cicp is not None:
-        primaries, transfer, matrix, _ = colour.cicp
-        found = Tags(matrix=matrix if picture.family == "ycbcr" else 2, range=2)
+        primaries, transfer, matrix, is_full = colour.cicp
+        is_coded = picture.family == "ycbcr"
+        found = Tags(matrix=matrix if is_coded else 2, range=2 if is_full or not is_coded else 1)
         found = replace(found, transfer=transfer, primaries=primaries)
         if transfer == 8:  # linear light of integers, whose white is 1: no HDR
             found = replace(found, transfer=2, named_transfer="linear")
