@@ -9,13 +9,11 @@ from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any, ClassVar
 
+from itmo_video import compressions
 from itmo_video.errors import UsageError
 from itmo_video.options import check_options, options_from
 from itmo_video.options import option as setting
 
-COMPRESSIONS = (
-    "none", "rle", "zips", "zip", "piz", "pxr24", "b44", "dwaa", "dwab", "htj2k", "zstd",
-)  # fmt: skip
 LAYERS = ("expand_map", "clip_mask", "gain")
 _TIMECODE = re.compile(r"([01]\d|2[0-3]):[0-5]\d:[0-5]\d[:;][0-5]\d")
 OUTPUT_PRIMARIES = ("rec709", "rec2020", "acescg", "aces2065-1")
@@ -152,7 +150,7 @@ class Settings:
     )  # fmt: skip
     force_sdr: bool = setting(False, bool, "treat a source that is tagged HDR as plain SDR")
     primaries: str = setting("rec709", str, "primaries of the output", choices=OUTPUT_PRIMARIES)
-    compression: str = setting("zip", str, "EXR compression", choices=COMPRESSIONS)
+    compression: str = setting("zip", str, "EXR compression", choices=compressions.WRITTEN)
     layers: tuple[str, ...] = setting(
         (), tuple, f"extra EXR layers, comma-separated: {', '.join(LAYERS)}",
         metavar="NAME,...",

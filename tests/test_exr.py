@@ -16,9 +16,9 @@ import numpy as np
 import OpenEXR
 import pytest
 
+from itmo_video.compressions import WRITTEN as COMPRESSIONS
 from itmo_video.errors import InputError, OutputError
 from itmo_video.output import atomic, exr
-from itmo_video.settings import COMPRESSIONS
 
 pytestmark = pytest.mark.usefixtures("loops")
 

@@ -7,11 +7,11 @@ from pathlib import Path
 import pytest
 
 from itmo_video import RunOptions, convert, make_settings
+from itmo_video.compressions import WRITTEN as COMPRESSIONS
 from itmo_video.conversion import checking
 from itmo_video.conversion import convert as conversion
 from itmo_video.events import Event, Warned
 from itmo_video.output import disk_space
-from itmo_video.settings import COMPRESSIONS
 
 CLIP = Path(__file__).parents[1] / "sample_clips" / "night_street.mp4"
 

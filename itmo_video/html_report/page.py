@@ -216,7 +216,7 @@ def _source_facts(clip: str | Path | None, converted: Converted) -> list[tuple[s
     if clip is None:
         return [("source", "not given to this report")]
     with converted.open_source(Path(clip)) as opened:
-        told = clip_facts(opened.info)
+        told = clip_facts(opened.info) | {"remarks": list(opened.info.notices)}
     rows: list[tuple[str, str]] = []
     for name, value in told.items():
         if name != "path":

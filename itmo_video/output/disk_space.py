@@ -2,21 +2,17 @@
 
 from __future__ import annotations
 
+from itmo_video.compressions import COMPRESSIONS
 from itmo_video.settings import Settings
 
-# Bytes of a file by those of its half floats, measured on camera-like clips with grain (the more
-# demanding of the sample clips, rounded up); a clean cartoon takes far less.
-SHARE_LEFT = {
-    "none": 1.0, "rle": 1.0, "zips": 0.85, "zip": 0.8, "piz": 0.7, "pxr24": 0.75, "b44": 0.45,
-    "dwaa": 0.25, "dwab": 0.25, "htj2k": 0.6, "zstd": 0.8,
-}  # fmt: skip
 _HEADER_BYTES = 4096
 
 
 def estimated_frame_bytes(width: int, height: int, has_alpha: bool, settings: Settings) -> int:
     """Bytes that one EXR file of this size in pixels will take, roughly and rather too many."""
     channels = 3 + has_alpha + len(settings.layers)
-    return round(width * height * channels * 2 * SHARE_LEFT[settings.compression]) + _HEADER_BYTES
+    share = COMPRESSIONS[settings.compression].share_left or 1.0
+    return round(width * height * channels * 2 * share) + _HEADER_BYTES
 
 
 def shortage(needed_bytes: int, free_bytes: int, where: str) -> str | None:

@@ -21,30 +21,18 @@ import numpy as np
 import numpy.typing as npt
 
 from itmo_video.colour.primaries import nearest_primaries
+from itmo_video.compressions import COMPRESSIONS, WRITTEN
 from itmo_video.errors import InputError
 from itmo_video.model import Float32, Half
 from itmo_video.output.atomic import StrPath, write_parts, write_whole
 from itmo_video.output.exr_chunks import DamageError, check_chunks, with_window
 from itmo_video.output.exr_claims import MOST_PIXEL_BYTES, check_claims
-from itmo_video.output.exr_scanlines import BLOCK_LINES, scanline_file
+from itmo_video.output.exr_scanlines import scanline_file
 from itmo_video.output.exr_windows import in_display_window, is_multi_part, part_index
 from itmo_video.regular_file import read_regular
 
 Chromaticities = tuple[float, float, float, float, float, float, float, float]
 
-_CONSTANTS = {
-    "none": "NO_COMPRESSION",
-    "rle": "RLE_COMPRESSION",
-    "zips": "ZIPS_COMPRESSION",
-    "zip": "ZIP_COMPRESSION",
-    "piz": "PIZ_COMPRESSION",
-    "pxr24": "PXR24_COMPRESSION",
-    "b44": "B44_COMPRESSION",
-    "dwaa": "DWAA_COMPRESSION",
-    "dwab": "DWAB_COMPRESSION",
-    "htj2k": "HTJ2K256_COMPRESSION",
-    "zstd": "ZSTD_COMPRESSION",
-}
 AP0: Chromaticities = (0.7347, 0.2653, 0.0, 1.0, 0.0001, -0.077, 0.32168, 0.33767)
 
 _PIXEL_KINDS = (np.uint32, np.float16, np.float32)  # by OpenEXR's PixelType
@@ -133,7 +121,7 @@ def write_exr(
         raise ValueError("an ACES container must be uncompressed AP0 without layers")
     attributes = _attributes(header)
     encoded = io.BytesIO()
-    if header.compression not in BLOCK_LINES:
+    if not COMPRESSIONS[header.compression].is_laid_out_here:
         OpenEXR.File(attributes, channels, num_threads=0).write(encoded)
         return write_whole(path, encoded.getbuffer(), durable=durable)
     # OpenEXR writes the header of a picture of one pixel; the chunks are ours.
@@ -222,9 +210,9 @@ def compression_constant(name: str) -> Any:
     """OpenEXR's constant for a compression of ours; raises ValueError for an unknown name."""
     import OpenEXR
 
-    if name not in _CONSTANTS:
+    if name not in WRITTEN:
         raise ValueError(f"unknown compression {name!r}")
-    return getattr(OpenEXR, _CONSTANTS[name])
+    return getattr(OpenEXR, COMPRESSIONS[name].openexr)
 
 
 def _attributes(header: ExrHeader) -> dict[str, Any]:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import struct
 
-# Lines in a chunk, by the number in the file's "compression" attribute; 0 where we do not know.
-_CHUNK_LINES = (1, 1, 1, 16, 32, 16, 32, 32, 32, 256, 256, 32, 0, 1)
+from itmo_video.compressions import CHUNK_LINES
+
 _PLAIN_FLAGS = 0x2 | 0x400  # version 2, scan lines in one part, perhaps with long names
 
 
@@ -58,7 +58,7 @@ def check_chunks(data: bytes) -> None:
         _, top, _, bottom = struct.unpack("<4i", attributes["dataWindow"][1])
     except (KeyError, IndexError, struct.error) as error:
         raise DamageError("its header is incomplete") from error
-    lines = _CHUNK_LINES[method] if method < len(_CHUNK_LINES) else 0
+    lines = CHUNK_LINES.get(method, 0)
     if flags & ~_PLAIN_FLAGS or not lines:
         return
     count = -(-(bottom - top + 1) // lines)

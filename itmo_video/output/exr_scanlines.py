@@ -17,13 +17,11 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from itmo_video.compressions import COMPRESSIONS
 from itmo_video.kernels import compiled, library
 
 Planes = Mapping[str, npt.NDArray[Any]]
 Bytes2D = npt.NDArray[np.uint8]
-
-BLOCK_LINES = {"none": 1, "zips": 1, "zip": 16}
-"""Lines in a chunk, of the compressions that are written here."""
 
 _LEVEL = 1  # of libdeflate's 1 to 12; OpenEXR's own is 4
 _GROUP_LINES = 48  # lines laid out at a time: at 1080p they stay in the second-level cache
@@ -34,12 +32,12 @@ def scanline_file(header: bytes, planes: Planes, compression: str) -> Iterator[b
 
     `header` is all in front of the table of chunks, with a data window that begins at line 0;
     `planes` are its channels, contiguous float16 or float32 of one shape (height, width).
-    `compression` is one of BLOCK_LINES.
+    `compression` is one of those that are laid out here.
     """
     # The order of OpenEXR's channel list, which compares names as bytes.
     ordered = [planes[name] for name in sorted(planes, key=lambda name: name.encode())]
     height = ordered[0].shape[0]
-    lines = BLOCK_LINES[compression]
+    lines = COMPRESSIONS[compression].chunk_lines
     first = len(header) + 8 * -(-height // lines)
     if compression == "none":
         size = 8 + sum(plane.shape[1] * plane.itemsize for plane in ordered)

@@ -121,15 +121,14 @@ def check_folder_name(path: StrPath, source: StrPath = "INPUT") -> None:
     if suffix in FILM_SUFFIXES:
         raise UsageError(
             f"{name} is a film's name, and convert makes a folder of EXR files",
-            remedy=f"Did you mean: itmo-video preview {source} {text}\n"
-            f"or a folder: itmo-video convert {source} {os.path.splitext(text)[0]}/",
+            remedy=f"Did you mean: itmo-video preview {source} {text}, "
+            f"or the folder {os.path.splitext(text)[0]}/",
         )
     if suffix in PICTURE_SUFFIXES:
-        preview = "" if suffix == ".exr" else f"itmo-video preview {source} {text} --frame 1\nor "
+        preview = "" if suffix == ".exr" else f"itmo-video preview {source} {text} --frame 1, or "
         raise UsageError(
             f"{name} is a picture's name, and convert makes a folder of numbered EXR files",
-            remedy=f"Did you mean: {preview}itmo-video convert {source} "
-            f"{os.path.splitext(text)[0]}/",
+            remedy=f"Did you mean: {preview}the folder {os.path.splitext(text)[0]}/",
         )
 
 
