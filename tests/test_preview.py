@@ -284,7 +284,7 @@ def test_tone_maps_rise_and_stay_in_sdr(name: str) -> None:
         ("x.mp4", ["--chroma", "422"]),
         ("x.jpg", []),
         ("x.mp4", ["--frame", "1"]),
-        ("x.jpg", ["--frame", "1", "--as", "hdr10"]),
+        ("x.jpg", ["--frame", "1", "--as", "hlg"]),
         ("x.mp4", ["--crf", "99"]),
     ],
 )

@@ -20,6 +20,7 @@ from itmo_video.errors import DamagedInputError, UsageError
 from itmo_video.events import FrameDone, OnEvent, Warned
 from itmo_video.output.gate import Gate
 from itmo_video.source.opening import is_film
+from itmo_video.words import counted
 
 Y4M_SUFFIX = ".y4m"
 _NO_LIGHT = Light(0.0, 0.0)
@@ -67,7 +68,7 @@ def write_film(
                     on_event(FrameDone(frame.number, count, len(pictures.numbers)))
                 writer.finish(light)
             except ReaderLeftError:
-                on_event(Warned(f"the reader left after {count} frames"))
+                on_event(Warned(f"the reader left after {counted(count, 'frame')}"))
     finally:
         shown.close()  # type: ignore[attr-defined]  # whoever maps, it is a generator
     size = writer.bytes_written if isinstance(writer, Y4mWriter) else output.stat().st_size

@@ -10,17 +10,12 @@ import time
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from itmo_video.colour.primaries import CHROMATICITIES
 from itmo_video.conversion.run_options import RunOptions
-from itmo_video.delivery import encode, hdr, stills
-from itmo_video.delivery.films import check_film_options, crf_of, write_film
+from itmo_video.delivery.films import check_film_options, write_film
 from itmo_video.delivery.from_clip import from_clip
 from itmo_video.delivery.from_folder import from_folder
-from itmo_video.delivery.hdr import Light
-from itmo_video.delivery.metadata import Mastering
-from itmo_video.delivery.pictures import Picture, Pictures
 from itmo_video.delivery.preview_options import PreviewOptions
-from itmo_video.delivery.views import light_of, sdr_view, signal_of
+from itmo_video.delivery.still_files import STILLS, check_still_options, write_still
 from itmo_video.delivery.y4m import is_stream_output
 from itmo_video.errors import DamagedInputError, UsageError
 from itmo_video.events import Finished, OnEvent, Started, Warned, ignore
@@ -32,8 +27,6 @@ from itmo_video.settings import Settings
 from itmo_video.source.opening import input_files
 from itmo_video.source.pipe import is_pipe
 from itmo_video.words import counted
-
-STILLS = (".avif", ".png", ".jpg", ".jpeg")
 
 
 @dataclass(frozen=True)
@@ -73,9 +66,9 @@ def preview(
     """
     options, run = options or PreviewOptions(), run or RunOptions()
     source, output = Path(source), Path(output)
-    is_jpeg = output.suffix.lower() in (".jpg", ".jpeg")
-    options = replace(options, view=options.view or ("sdr" if is_jpeg else "hdr10"))
+    options = replace(options, view=options.view or "hdr10")
     began = time.monotonic()
+    is_still = output.suffix.lower() in STILLS
     _check(output, options)
     if options.frame is not None:
         run = replace(run, frames=str(options.frame))
@@ -89,7 +82,7 @@ def preview(
                 where=str(source),
                 remedy="Leave the settings and --analysis out, or give the clip itself.",
             )
-        clip = options.clip if options.view == "compare" else None
+        clip = options.clip if options.view == "compare" or is_still else None
         pictures = from_folder(open_converted(source), clip, run)
         pictures.clip = options.clip
     else:
@@ -99,9 +92,14 @@ def preview(
     for notice in pictures.notices:
         on_event(Warned(notice))
     on_event(Started(str(source), str(output), len(pictures.numbers), 0))
-    if options.frame is not None:
+    if is_still:
         assert gate is not None
-        frames, light, size = 1, *_still(pictures, gate, options)
+        if len(pictures.numbers) != 1:
+            raise UsageError(
+                f"{output.name} is a still, and there is more than one frame",
+                remedy="Say which: --frame N; or name a film, such as film.mp4.",
+            )
+        frames, light, size = 1, *write_still(pictures, gate, options)
     else:
         frames, light, size = write_film(pictures, output, gate, options, run, on_event)
     seconds = time.monotonic() - began
@@ -127,20 +125,15 @@ def preview(
 
 def _check(output: Path, options: PreviewOptions) -> None:
     suffix = output.suffix.lower()
-    if (options.frame is not None) != (suffix in STILLS):
+    if suffix in STILLS:
+        check_still_options(suffix, options)
+    elif options.frame is not None:
         raise UsageError(
-            f"{output.name}: --frame N makes a still, without it a film is made",
+            f"{output.name}: --frame N makes a still",
             remedy=f"Stills are named {', '.join(STILLS)}; films .mp4, .mov, .mkv, .y4m or -.",
         )
-    if options.frame is None:
+    else:
         check_film_options(output, options)
-    is_hdr = options.view in ("hdr10", "hlg")
-    if suffix == ".avif" and options.view != "hdr10":
-        raise UsageError("AVIF stills are PQ", remedy="Take --as hdr10, or name it .png or .jpg.")
-    if suffix in STILLS and options.view == "hlg":
-        raise UsageError("stills are PQ or SDR, not HLG", remedy="Take --as hdr10 or sdr.")
-    if suffix in (".jpg", ".jpeg") and is_hdr:
-        raise UsageError("JPEG cannot hold HDR", remedy="Take --as sdr, compare, false-colour, ...")
 
 
 def _gate(source: Path, output: Path, options: PreviewOptions, run: RunOptions) -> Gate:
@@ -149,33 +142,8 @@ def _gate(source: Path, output: Path, options: PreviewOptions, run: RunOptions) 
     inputs += input_files(options.clip) if options.clip else []
     return Gate(
         output,
-        FILM if options.frame is None else STILL,
+        STILL if output.suffix.lower() in STILLS else FILM,
         inputs=inputs,
         overwrite=run.overwrite,
         source_digest=manifest.source_digest if manifest else None,
     )
-
-
-def _still(pictures: Pictures, gate: Gate, options: PreviewOptions) -> tuple[Light, int]:
-    suffix = gate.path.suffix.lower()
-
-    def make(picture: Picture) -> tuple[bytes, Light]:
-        if signal_of(options) == "sdr":
-            view = sdr_view(picture, pictures, options)
-            return stills.sdr_still(view, suffix), Light(0.0, 0.0)
-        rgb, primaries, white = light_of(picture, pictures, options)
-        if suffix == ".png":
-            nits = hdr.to_nits_2020(rgb, primaries, white, pictures.peak_nits)
-            code, light = hdr.encode_nits(nits, "pq", pictures.peak_nits), hdr.frame_light(nits)
-            mastering = Mastering(CHROMATICITIES["p3d65"], pictures.peak_nits)
-            return stills.png_pq(code, mastering, light), light
-        planes, light = hdr.master_frame(
-            rgb, primaries, white, pictures.peak_nits, "pq", "420", picture.index
-        )
-        crf = crf_of(options)
-        return encode.encode_avif(planes, crf if crf is not None else 12), light
-
-    made = next(pictures.mapped(make), None)
-    if made is None:
-        raise DamagedInputError(f"frame {options.frame} does not decode")
-    return made[1], gate.write(made[0])

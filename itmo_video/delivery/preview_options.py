@@ -27,7 +27,7 @@ class PreviewOptions:
     """
 
     view: View | None = option(
-        None, str, "what to show (hdr10; of a JPEG: sdr)", flag="as",
+        None, str, "what to show (hdr10; a JPEG then is SDR with a gain map)", flag="as",
         choices=("hdr10", "hlg", "sdr", "compare", "false-colour", "ladder"),
     )  # fmt: skip
     frame: int | None = option(

@@ -1,0 +1,77 @@
+"""A preview's still: PQ in AVIF or PNG, a gain-map JPEG, or an SDR view."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from itmo_video.colour.primaries import CHROMATICITIES
+from itmo_video.delivery import encode, hdr, sdr, stills
+from itmo_video.delivery.films import crf_of
+from itmo_video.delivery.gain_map import gain_map_jpeg
+from itmo_video.delivery.hdr import Light
+from itmo_video.delivery.metadata import Mastering
+from itmo_video.delivery.pictures import Picture, Pictures
+from itmo_video.delivery.preview_options import PreviewOptions
+from itmo_video.delivery.views import light_of, sdr_view, signal_of
+from itmo_video.errors import DamagedInputError, UsageError
+from itmo_video.output.gate import Gate
+
+STILLS = (".avif", ".png", ".jpg", ".jpeg")
+_JPEG = (".jpg", ".jpeg")
+_AVIF_CRF = 12
+_NO_LIGHT = Light(0.0, 0.0)
+
+
+def check_still_options(suffix: str, options: PreviewOptions) -> None:
+    """Raise UsageError for views that the kind of still does not hold."""
+    if suffix == ".avif" and options.view != "hdr10":
+        raise UsageError("AVIF stills are PQ", remedy="Take --as hdr10, or name it .png or .jpg.")
+    if options.view == "hlg":
+        raise UsageError("stills are PQ or SDR, not HLG", remedy="Take --as hdr10 or sdr.")
+    if suffix in _JPEG and options.view == "compare" and options.hdr_compare:
+        raise UsageError("a comparison in HDR is PQ", remedy="Name it .avif or .png.")
+
+
+def write_still(pictures: Pictures, gate: Gate, options: PreviewOptions) -> tuple[Light, int]:
+    """Write the one picture; returns its light (zeros for SDR) and the bytes written.
+
+    Raises DamagedInputError where it does not decode.
+    """
+    suffix = gate.path.suffix.lower()
+
+    def make(picture: Picture) -> tuple[bytes, Light]:
+        if signal_of(options) == "sdr":
+            return stills.sdr_still(sdr_view(picture, pictures, options), suffix), _NO_LIGHT
+        if suffix in _JPEG:
+            return _gain_map(picture, pictures, options)
+        rgb, primaries, white = light_of(picture, pictures, options)
+        if suffix == ".png":
+            nits = hdr.to_nits_2020(rgb, primaries, white, pictures.peak_nits)
+            code, light = hdr.encode_nits(nits, "pq", pictures.peak_nits), hdr.frame_light(nits)
+            mastering = Mastering(CHROMATICITIES["p3d65"], pictures.peak_nits)
+            return stills.png_pq(code, mastering, light), light
+        planes, light = hdr.master_frame(
+            rgb, primaries, white, pictures.peak_nits, "pq", "420", picture.index
+        )
+        crf = crf_of(options)
+        return encode.encode_avif(planes, _AVIF_CRF if crf is None else crf), light
+
+    made = next(pictures.mapped(make), None)
+    if made is None:
+        raise DamagedInputError(f"frame {pictures.numbers[0]} does not decode")
+    return made[1], gate.write(made[0])
+
+
+def _gain_map(picture: Picture, pictures: Pictures, options: PreviewOptions) -> tuple[bytes, Light]:
+    """The source with our gain as its map; the tone-mapped picture where there is no source."""
+    linear = sdr.to_709(picture.rgb, pictures.primaries)
+    peak = pictures.peak_nits / pictures.white_nits
+    if picture.source is not None:
+        base = sdr.source_picture(picture.source)
+    else:
+        shown = sdr.tone_mapped(linear, options.tone_map, peak)
+        base = np.asarray(shown ** np.float32(2.4), np.float32)  # BT.1886, as it was encoded
+    nits = hdr.to_nits_2020(
+        picture.rgb, pictures.primaries, pictures.white_nits, pictures.peak_nits
+    )
+    return gain_map_jpeg(base, linear, peak), hdr.frame_light(nits)
