@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 from pathlib import Path
 
@@ -9,7 +10,8 @@ import pytest
 from clips import moving_scene, write_ffv1
 from command import run
 
-from itmo_video import analyse, convert
+from itmo_video import EvaluateOptions, analyse, convert, evaluate
+from itmo_video.cli.progress import Progress
 from itmo_video.delivery.preview import preview
 from itmo_video.events import Event, Finished, FrameDone, Started, Warned, as_json
 from itmo_video.html_report.page import report
@@ -97,4 +99,35 @@ def test_each_command_tells_the_library_typed_events(tmp_path: Path) -> None:
 
     told.clear()
     analyse(clip, on_event=told.append)
-    assert {type(event) for event in told} == {Warned}, "an untagged clip's encoding is assumed"
+    assert Warned in {type(event) for event in told}, "an untagged clip's encoding is assumed"
+    assert [event for event in told if isinstance(event, FrameDone)] == [
+        FrameDone(number, number, 3) for number in (1, 2, 3)
+    ]
+
+    told.clear()
+    found = evaluate(tmp_path / "out", EvaluateOptions(source=clip), told.append)
+    assert told == [FrameDone(number, number, 3) for number in (1, 2, 3)]
+    assert (found.shots[0].first, found.shots[0].last) == (1, 3)
+
+
+class _Terminal(io.StringIO):
+    def isatty(self) -> bool:
+        return True
+
+
+def test_a_terminal_has_one_line_of_progress_and_what_follows_stands_below() -> None:
+    stream = _Terminal()
+    progress = Progress(as_json=False, quiet=False, stream=stream)
+    progress.on_event(FrameDone(1, 1, 3))
+    progress.on_event(Warned("frame 2 is damaged"))
+    progress.on_event(FrameDone(2, 2, 3))
+    progress.on_event(FrameDone(3, 3, 3))
+    progress.on_event(Finished(written=3, present=0, seconds=1.0, bytes_written=1_000_000))
+    lines = stream.getvalue().split("\n")
+    assert lines[0].startswith("\r1/3 frames")
+    assert lines[1] == "itmo-video: frame 2 is damaged"
+    assert lines[2].count("\r") == 2
+    assert lines[3:] == ["itmo-video: 3 frames made, 1.0 s, 1.0 MB", ""]
+    piped = io.StringIO()
+    Progress(as_json=False, quiet=False, stream=piped).on_event(FrameDone(1, 1, 3))
+    assert piped.getvalue() == "", "progress is for terminals"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
@@ -17,7 +17,7 @@ from itmo_video.colour import linear_light
 from itmo_video.colour.analysis_picture import analysis_size
 from itmo_video.colour.luminance import limited_luminance
 from itmo_video.errors import DamagedInputError, InputError
-from itmo_video.events import OnEvent, Warned, ignore
+from itmo_video.events import FrameDone, OnEvent, Warned, ignore
 from itmo_video.model import Frame
 from itmo_video.motion.shots import Analysed, analyse_frame, difference, place
 from itmo_video.operators.auto_rendering import Rendering, rendering_of
@@ -106,13 +106,12 @@ def analyse(
     start_number: int | None = None,
     max_pixels: int = 2**27,
     on_event: OnEvent = ignore,
-    on_frame: Callable[[int], None] = lambda index: None,
 ) -> Analysis:
     """Decode a clip once and say what is in it; raises InputError and AlreadyHdrError as convert.
 
     Cuts and keyframes are those that a conversion with `settings` finds by itself. A source that
-    breaks off is analysed until there; `on_event` is told so, and what is assumed (Warned).
-    `on_frame` is told the index of each frame that was looked at; what it raises ends the pass.
+    breaks off is analysed until there; `on_event` is told so, and what is assumed (Warned), and of
+    each frame that was looked at (FrameDone); what it raises ends the pass.
 
     >>> from itmo_video import analyse
     >>> found = analyse("clip.mkv")
@@ -134,7 +133,7 @@ def analyse(
         frames = _looked_at(clip, settings, tallies, times, edges, on_event)
         for placed in place(frames, settings.key_reach, 0):
             index = placed.analysed.index
-            on_frame(index)
+            on_event(FrameDone(first + index, index + 1, info.frames))
             tally = tallies.pop(index)
             if placed.starts_shot:
                 tally.change, tally.changes = 0.0, 0  # a cut is no motion

@@ -80,6 +80,7 @@ def analyse_to(
         max_pixels=max_pixels,
         on_event=progress.on_event,
     )
+    progress.close()
     if gate is None:
         print(analysis.to_json(), end="")
         return

@@ -52,11 +52,14 @@ def add_evaluate(commands: Any) -> None:
 
 
 def _evaluate(args: argparse.Namespace) -> int:
+    from itmo_video.cli.progress import Progress
     from itmo_video.evaluation.evaluate import evaluate
 
     above = [named_number("fail-above", text) for text in args.fail_above]
     below = [named_number("fail-below", text) for text in args.fail_below]
-    found = evaluate(args.test, options_of(args, EvaluateOptions))
+    progress = Progress(as_json=False, quiet=args.json)
+    found = evaluate(args.test, options_of(args, EvaluateOptions), progress.on_event)
+    progress.close()
     print(_as_json(found) if args.json else _as_text(found))
     _judge(found.figures, above, below)
     return 0

@@ -19,6 +19,7 @@ class Progress:
         self._stream = stream or sys.stderr
         self._began = time.monotonic()
         self._on_terminal = self._stream.isatty()
+        self._is_line_open = False
 
     def on_event(self, event: Event) -> None:
         """Tell one event."""
@@ -28,15 +29,17 @@ class Progress:
             return
         match event:
             case Warned(message):
+                self.close()
                 print(f"itmo-video: {message}", file=self._stream)
             case FrameDone(_, done, of) if self._on_terminal:
                 self._line(done, of)
+                if done == of:
+                    self.close()
             case Finished():
                 self._sum_up(event)
 
     def _sum_up(self, event: Finished) -> None:
-        if self._on_terminal:
-            print(file=self._stream)
+        self.close()
         present = f", {event.present} there before" if event.present else ""
         print(
             f"itmo-video: {counted(event.written, 'frame')} made{present}, "
@@ -52,3 +55,10 @@ class Progress:
             of = left = ""
         text = f"\r{done}{of} frames, {rate:.1f} fps{left} "
         print(text, end="", file=self._stream, flush=True)
+        self._is_line_open = True
+
+    def close(self) -> None:
+        """End the line that stands on the terminal, so that others may write below it."""
+        if self._is_line_open:
+            print(file=self._stream)
+        self._is_line_open = False

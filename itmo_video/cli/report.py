@@ -28,5 +28,7 @@ def _run(args: argparse.Namespace) -> int:
     from itmo_video.html_report.page import report
 
     progress = Progress(as_json=False, quiet=args.quiet)
-    print(report(args.folder, options_of(args, ReportOptions), progress.on_event))
+    path = report(args.folder, options_of(args, ReportOptions), progress.on_event)
+    progress.close()
+    print(path)
     return 0

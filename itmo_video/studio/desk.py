@@ -14,6 +14,7 @@ from itmo_video.analysis.analyse import analyse
 from itmo_video.analysis.model import Analysis
 from itmo_video.conversion.run_options import RunOptions
 from itmo_video.errors import InputError, ItmoError, UsageError
+from itmo_video.events import Event, FrameDone
 from itmo_video.model import ClipInfo
 from itmo_video.source.clip import first_number
 from itmo_video.source.opening import input_files, input_options
@@ -214,10 +215,11 @@ class Desk:
         return output
 
     def _analyse(self) -> None:
-        def on_frame(index: int) -> None:
+        def on_event(event: Event) -> None:
             if self._closing:
                 raise StaleError
-            self.analysed = index + 1
+            if isinstance(event, FrameDone):
+                self.analysed = event.done
 
         try:
             found: Analysis = analyse(
@@ -225,7 +227,7 @@ class Desk:
                 self.history.now.settings,
                 start_number=self.first_number,
                 max_pixels=self._max_pixels,
-                on_frame=on_frame,
+                on_event=on_event,
             )
         except StaleError:
             return
