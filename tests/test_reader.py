@@ -74,7 +74,7 @@ CLIPS = {
     "odd_clips/testsrc2_odd_height_and_width_444.mp4": ((25, 25, 321, 241), {}),
     "odd_clips/testsrc2_odd_height_and_width_mpeg2.mp4": ((10, 10, 121, 81), {}),
     "odd_clips/testsrc2_vp9.webm": ((30, 30, 1280, 720), {"is_vfr": False}),
-    "odd_clips/truncated_moov_first.mp4": ((29, 26, 1280, 720), {"frames_declared": 60}),
+    "odd_clips/truncated_moov_first.mp4": ((29, 28, 1280, 720), {"frames_declared": 60}),
     "odd_clips/truncated_no_moov.mp4": (InputError, "not a video"),
     "odd_clips/unordered.mov": ((4, 4, 50, 50), {}),
     "odd_clips/vfr_h264.mp4": ((40, 40, 384, 216), {"is_vfr": True}),

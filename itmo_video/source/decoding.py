@@ -1,12 +1,12 @@
-"""A video stream decoded by frame number: from a key packet on, wherever a seek lands."""
+"""A video stream decoded from a key packet on, wherever a seek lands."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import av
 
@@ -14,15 +14,13 @@ from itmo_video.source.packets import Packets, decoder_limit, open_video, read_p
 
 _INDEXED = ("mov", "matroska", "avi", "mxf")  # containers that are read by whole packets
 
+Way = Literal["lenient", "strict"]
 Numbered = tuple[int, Any, bool]  # index, decoded frame, whether it is damaged
 
 
 @dataclass(frozen=True)
 class Decoder:
-    """A stream's frames by number, as its packets tell them; opens the file anew for each reader.
-
-    Where the packets are not exact, frames are counted by decoding from the start.
-    """
+    """A stream's frames as they decode; opens the file anew for each reader."""
 
     path: Path
     max_pixels: int
@@ -30,64 +28,32 @@ class Decoder:
     codec: str
     stream: int | None = None
 
-    def numbered(self, start: int) -> Iterator[Numbered]:
-        """Decoded frames with their indices, rising, from somewhere at or before `start` on."""
-        packets = self.packets
-        if not packets.is_exact:
-            yield from (
-                (n, frame, bool(frame.is_corrupt)) for n, frame in enumerate(self.decoded(None))
-            )
-            return
-        if start >= len(packets.pts):
-            return
-        last, before = -1, None
-        for frame in self.decoded(self._entry(start)):
-            index = packets.index_of(frame.pts)
-            if index is not None and index > last:
-                yield from self._repeated(last, index, before)
-                last, before = index, frame
-                yield index, frame, bool(frame.is_corrupt)
-        yield from self._repeated(last, len(packets.pts), before)
+    def decoded(
+        self,
+        entry: tuple[int, ...] | None,
+        way: Way = "lenient",
+        on_error: Callable[[Any], bool] = lambda packet: False,
+    ) -> Iterator[Any]:
+        """Decode from a key packet (place, pts, dts) on, None for the first.
 
-    def _repeated(self, last: int, until: int, frame: Any) -> Iterator[Numbered]:
-        """The frame `last` again, for those after it that have no packet of their own."""
-        if frame is None or not self.packets.repeats:
-            return
-        for index in range(last + 1, until):
-            if self.packets.pts[index] not in self.packets.repeats:
-                return
-            yield index, frame, bool(frame.is_corrupt)
-
-    def decoded(self, entry: tuple[int, int, int] | None) -> Iterator[Any]:
-        """Decode from a key packet on, None for the first, past packets that fail."""
+        By one thread; "strict" fails at what a decoder would otherwise conceal. `on_error` is given each packet that fails, None for
+        the end, and says whether to stop.
+        """
         # By either stamp, as containers differ in what they seek by; else from further back.
         stamps: list[int | None] = [None]
         if entry is not None:
             before = [key[1] for key in self.packets.keys if key[0] < entry[0]][-2:]
-            stamps = [*entry[1:], *reversed(before), None]
+            stamps = [*entry[1:3], *reversed(before), None]
         for stamp in stamps:
             with open_video(self.path, self.max_pixels, self.stream) as (container, stream):
                 packets: Iterator[Any] | None = read_packets(container, stream)
                 if entry is not None and stamp is not None:
                     packets = self._after_seek(container, stream, entry[0], stamp)
                 if packets is not None:
-                    yield from decode_all(decoder_of(stream, self.max_pixels), packets)
+                    context = decoder_of(stream, self.max_pixels)
+                    _set_way(context, way)
+                    yield from decode_all(context, packets, on_error)
                     return
-
-    def _entry(self, start: int) -> tuple[int, int, int] | None:
-        """The key packet to decode from so that frame `start` comes out whole; None for the first.
-
-        It comes before the frame both in the file and on the screen: a frame shown before its key
-        packet may refer to the group before. One more for H.264, whose key packets may be points
-        of gradual recovery.
-        """
-        while start > 0 and self.packets.pts[start] in self.packets.repeats:
-            start -= 1
-        pts = self.packets.pts[start]
-        place = self.packets.order[pts][0]
-        usable = [key for key in self.packets.keys if key[0] <= place and key[1] <= pts]
-        back = 2 if self.codec == "h264" else 1
-        return usable[-back] if len(usable) >= back and usable[-back][0] > 0 else None
 
     def _after_seek(
         self, container: Any, stream: Any, place: int, stamp: int
@@ -121,7 +87,17 @@ def decoder_of(stream: Any, max_pixels: int) -> Any:
     return alone
 
 
-def decode_all(context: Any, packets: Iterator[Any]) -> Iterator[Any]:
+def _set_way(context: Any, way: Way) -> None:
+    context.thread_type, context.thread_count = "NONE", 1
+    if way == "strict":
+        context.options = {**context.options, "err_detect": "explode"}
+
+
+def decode_all(
+    context: Any,
+    packets: Iterator[Any],
+    on_error: Callable[[Any], bool] = lambda packet: False,
+) -> Iterator[Any]:
     """Frames of packets in presentation order, past those that fail; flushes at the end."""
     while True:
         packet = next(packets, None)
@@ -129,6 +105,8 @@ def decode_all(context: Any, packets: Iterator[Any]) -> Iterator[Any]:
             frames = context.decode(packet)
         except (av.FFmpegError, EOFError):
             frames = []
+            if on_error(packet):
+                return
         yield from frames
         if packet is None or packet.size == 0:
             return

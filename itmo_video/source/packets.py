@@ -204,7 +204,6 @@ def prepare_decoder(stream: Any, max_pixels: int, where: str) -> None:
     if str(context.codec_tag) in ("encv", "drmi"):
         raise InputError("it is encrypted", where=where)
     check_pixels(context.width, context.height, max_pixels, where)
-    context.thread_type = "AUTO"
     options = {"max_pixels": decoder_limit(max_pixels)}
     if context.name == "h264":
         # Else a stream that does not tell its delay has frames dropped near wherever one starts.

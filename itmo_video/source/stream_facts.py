@@ -23,6 +23,7 @@ from itmo_video.source.frame_timing import packet_notices, timing, timing_notice
 from itmo_video.source.packets import Packets, open_video, scan_packets
 from itmo_video.source.planes import Turn, picture_of, pixel_form, upright
 from itmo_video.source.streams import choose_video
+from itmo_video.source.stretches import numbered
 from itmo_video.source.tags import InputOptions
 from itmo_video.source.track_facts import TrackFacts
 
@@ -224,7 +225,7 @@ def _first_frame(
     they are none of its frames.
     """
     if decoder.packets.is_exact:
-        pictures = decoder.numbered(0)
+        pictures = numbered(decoder, 0)
         for picture in pictures:
             lead = _leading(decoder.packets) if is_capture else 0
             if lead == 0 or picture[0] < lead:

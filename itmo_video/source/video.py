@@ -17,6 +17,7 @@ from itmo_video.source.deinterlace import LEAD_IN, deinterlaced
 from itmo_video.source.digest import SourceFiles
 from itmo_video.source.planes import pixel_form, read_picture
 from itmo_video.source.stream_facts import find_facts, shown_planes
+from itmo_video.source.stretches import numbered
 from itmo_video.source.tags import InputOptions
 
 
@@ -41,7 +42,7 @@ class VideoClip(Clip):
             begun = self._begun.pop()  # whoever comes first, if threads read side by side
         except IndexError:
             begun = None
-        pictures = begun if begun is not None and ahead == 0 else facts.decoder.numbered(ahead)
+        pictures = begun if begun is not None and ahead == 0 else numbered(facts.decoder, ahead)
         if facts.is_deinterlaced:
             pictures = deinterlaced(pictures, facts.is_forced, facts.time_base, self._is_same)
         for index, decoded, is_damaged in pictures:

@@ -1,0 +1,225 @@
+"""A stream's frames by number, the same ones from wherever reading begins, damaged or not.
+
+What a decoder makes of damage depends on its threads, on where it began and on what its buffers
+held before. So a frame is defined as one thread decodes it from its own entry, a fixed key packet,
+by a decoder of its own. As long as all that comes is sound a decoder goes on past entries, which
+gives the same; at the first sign of damage the stretch up to the next entry is decoded alone. That
+is for codecs whose decoders tell of all damage; the others' stretches are always decoded alone.
+
+No codec is decoded by several threads: what FFmpeg's conceal, and tell of, is left to chance.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from collections import deque
+from collections.abc import Iterator
+from fractions import Fraction
+from itertools import accumulate
+from typing import Any, NamedTuple
+
+import av
+
+from itmo_video.source.decoding import Decoder, Numbered, Way
+
+_TOLD = ("h264", "mpeg2video", "mpeg4", "libdav1d", "av1", "vp9", "prores", "dnxhd")
+_SHORTEST = 24  # frames between entries: each stretch opens the file anew
+
+
+class _Entry(NamedTuple):
+    """A key packet: its place in the file, its stamps, and the number of its own frame, from 0."""
+
+    place: int
+    pts: int
+    dts: int
+    number: int
+
+
+class Stretches:
+    """The stretches of a stream whose packets are exact."""
+
+    def __init__(self, decoder: Decoder) -> None:
+        self._decoder, self._packets = decoder, decoder.packets
+        self._count = len(self._packets.pts)
+        self._entries = self._thinned()
+        self._reach = self._reaches()
+
+    def frames(self, start: int) -> Iterator[Numbered]:
+        """Frames from index `start` on, rising; those that do not decode leave gaps."""
+        while start < self._count:
+            if self._decoder.codec in _TOLD:
+                for item in self._sound(start, self._count, "strict", []):
+                    start = item[0] + 1
+                    yield item
+                if start >= self._count:
+                    return
+            end = self._end(start)
+            for item in self._alone(start, end):
+                yield item
+            start = end
+
+    def _alone(self, start: int, end: int) -> Iterator[Numbered]:
+        """A stretch, or its end, by one thread: strictly while it is sound, then past damage."""
+        errors: list[int] = []
+        for item in self._sound(start, end, "strict", errors):
+            start = item[0] + 1
+            yield _copied(item)
+        if start >= end:
+            return
+        # What fails before the stretch's own key packet leads in, and is no part of it.
+        own = self._own(start)
+        lead = self._entries[own].place if own >= 0 else 0
+        damaged = next((place for place in errors if place >= lead), len(self._packets.order) + 1)
+        last, before = -1, None
+        for frame in self._decoder.decoded(self._entry(start), "lenient"):
+            index = self._packets.index_of(frame.pts)
+            if index is None or index <= last:
+                continue
+            for item in self._with_repeats(last, min(index, end), before):
+                if item[0] >= start:
+                    yield _copied(item)
+            if index >= end:
+                return
+            is_damaged = bool(frame.is_corrupt) or self._place(index) >= damaged
+            last, before = index, (index, frame, is_damaged)
+            if index >= start:
+                yield _copied(before)
+        for item in self._with_repeats(last, end, before):
+            if item[0] >= start:
+                yield _copied(item)
+
+    def _sound(self, start: int, end: int, way: Way, errors: list[int]) -> Iterator[Numbered]:
+        """Frames from `start` to before `end`, or to the first sign of damage.
+
+        A frame is held back until all those that it may be made of have come, as they may be shown
+        later. `errors` takes the place of the packet that failed.
+        """
+        entry = self._entry(start)
+        first = entry.number if entry is not None else 0
+        held: deque[Numbered] = deque()
+        last: Numbered | None = None
+
+        def on_error(packet: Any) -> bool:
+            behind = len(self._packets.order)
+            pts = None if packet is None else packet.pts
+            errors.append(behind if pts is None else self._packets.order.get(pts, (behind, 0))[0])
+            return True
+
+        def released(seen: int) -> Iterator[Numbered]:
+            while held and self._reach[held[0][0]] <= seen:
+                if start <= held[0][0] < end:
+                    yield held[0]
+                held.popleft()
+
+        def is_sign(after: int, index: int) -> bool:
+            return any(self._packets.pts[i] not in self._packets.repeats
+                       for i in range(after + 1, index))  # fmt: skip
+
+        for frame in self._decoder.decoded(entry, way, on_error):
+            index = self._packets.index_of(frame.pts)
+            if index is None or index < first:
+                continue
+            after = last[0] if last is not None else first - 1
+            if frame.is_corrupt or index <= after or is_sign(after, index):
+                return
+            held.extend(self._with_repeats(after, index, last))
+            last = index, frame, False
+            held.append(last)
+            yield from released(index)
+            if index >= end and not (held and held[0][0] < end):
+                return
+        after = last[0] if last is not None else first - 1
+        if not errors and not is_sign(after, self._count):
+            held.extend(self._with_repeats(after, self._count, last))
+            yield from released(self._count)
+
+    def _with_repeats(self, after: int, until: int, last: Numbered | None) -> Iterator[Numbered]:
+        """The frame `after` again, for those behind it that have no packet of their own."""
+        for index in range(after + 1, until) if last is not None and self._packets.repeats else ():
+            if self._packets.pts[index] not in self._packets.repeats:
+                return
+            assert last is not None
+            yield index, last[1], last[2]
+
+    # ---- where decoding begins
+
+    def _thinned(self) -> list[_Entry]:
+        found: list[_Entry] = []
+        for place, pts, dts in self._packets.keys:
+            index = self._packets.index_of(pts)
+            if index is not None and index >= (found[-1].number + _SHORTEST if found else 0):
+                found.append(_Entry(place, pts, dts, index))
+        return found
+
+    def _own(self, index: int) -> int:
+        """Which entry is the last before a frame both in the file and on the screen; -1 for none.
+
+        A frame shown before its key packet may refer to the group before.
+        """
+        while index > 0 and self._packets.pts[index] in self._packets.repeats:
+            index -= 1
+        at = bisect_right(self._entries, index, key=lambda entry: entry.number) - 1
+        while at >= 0 and self._entries[at].place > self._place(index):
+            at -= 1
+        return at
+
+    def _entry(self, index: int) -> _Entry | None:
+        """Where decoding begins for a frame to come out whole; None for the file's beginning.
+
+        One more than its own for H.264, whose key packets may be points of gradual recovery.
+        """
+        at = self._own(index) - (self._decoder.codec == "h264")
+        return self._entries[at] if at >= 0 and self._entries[at].place > 0 else None
+
+    def _end(self, start: int) -> int:
+        """The index behind the stretch that `start` lies in."""
+        own = self._own(start)
+        after = bisect_right(self._entries, start, key=lambda entry: entry.number)
+        for entry in self._entries[after:]:
+            if self._own(entry.number) != own:
+                return entry.number
+        return self._count
+
+    def _place(self, index: int) -> int:
+        return self._packets.order.get(self._packets.pts[index], (-1, 0))[0]
+
+    def _reaches(self) -> list[int]:
+        """For each frame the last one to be shown of all that come before it in the file."""
+        reach = list(range(self._count))
+        own = [index for index in reach if self._packets.pts[index] not in self._packets.repeats]
+        by_place = sorted(own, key=self._place)
+        for index, furthest in zip(by_place, accumulate(by_place, max), strict=True):
+            reach[index] = furthest
+        return reach
+
+
+def numbered(decoder: Decoder, start: int) -> Iterator[Numbered]:
+    """Decoded frames with their indices, rising, from `start` on.
+
+    Where stamps are of no use they are counted from the beginning, by one thread.
+    """
+    if decoder.packets.is_exact:
+        yield from Stretches(decoder).frames(start)
+        return
+    for n, frame in enumerate(decoder.decoded(None, "lenient")):
+        if n >= start:
+            yield _copied((n, frame, bool(frame.is_corrupt)))
+
+
+def _copied(item: Numbered) -> Numbered:
+    """The frame in memory of its own.
+
+    A decoder writes into the buffers that it is given back, and leaves in them what it cannot
+    decode: which one it gets must not depend on how long its frames are looked at.
+    """
+    index, frame, is_damaged = item
+    graph = av.filter.Graph()
+    source = graph.add_buffer(
+        width=frame.width, height=frame.height, format=frame.format, time_base=Fraction(1)
+    )
+    copy, sink = graph.add("copy"), graph.add("buffersink")
+    source.link_to(copy)
+    copy.link_to(sink)
+    graph.configure()
+    graph.vpush(frame)
+    return index, graph.vpull(), is_damaged

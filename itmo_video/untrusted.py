@@ -1,0 +1,86 @@
+"""JSON, TOML and numbers in files that others made: bounded in size and depth, and no surprises.
+
+The standard library's readers take more than a program can bear: 1e999999999 as a fraction fills
+the memory, NaN and Infinity are no JSON, deep nesting ends in a RecursionError.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+import tomllib
+from fractions import Fraction
+from typing import Any, NoReturn
+
+from itmo_video.errors import InputError
+from itmo_video.regular_file import TEXT_BYTES, StrPath, read_regular
+
+_RATIONAL = re.compile(r"\s*([+-]?\d{1,18})(?:\.(\d{1,18})|/(\d{1,18}))?\s*", re.ASCII)
+_DEEPEST = 64  # of nested lists and tables; ours go 5 deep
+
+
+def parse_rational(text: str) -> Fraction:
+    """An exact number written as 25, 23.976 or 24000/1001; raises ValueError for all else.
+
+    Exponents are none of it: the fraction of 1e999999999 has a thousand million digits.
+    """
+    match = _RATIONAL.fullmatch(text)
+    if match is None or (match[3] and not int(match[3])):
+        raise ValueError(f"{text[:40]!r} is no number such as 25, 23.976 or 24000/1001")
+    return Fraction(match[0].strip())
+
+
+def parse_json(text: str) -> Any:
+    """What JSON text says; raises ValueError for what is not JSON, not finite or nested deeply."""
+    _check_depth(text)
+    return json.loads(text, parse_constant=_no_number, parse_float=_finite)
+
+
+def read_json(path: StrPath) -> Any:
+    """The content of a JSON file; raises InputError unless it is one, regular and not too large.
+
+    FileNotFoundError and NotADirectoryError are its cause where there is none.
+    """
+    try:
+        return parse_json(read_text(path))
+    except ValueError as error:
+        raise InputError(f"is not JSON: {error}", where=str(path)) from error
+
+
+def read_toml(path: StrPath) -> dict[str, Any]:
+    """The content of a TOML file; raises InputError as read_json."""
+    text = read_text(path)
+    try:
+        _check_depth(text)
+        return tomllib.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise InputError(f"is not TOML: {error}", where=str(path)) from error
+
+
+def read_text(path: StrPath) -> str:
+    """A file of UTF-8 text; raises InputError for all else."""
+    try:
+        return read_regular(path, TEXT_BYTES).decode("utf-8")
+    except UnicodeDecodeError as error:
+        raise InputError("is not text (UTF-8)", where=str(path)) from error
+
+
+def _check_depth(text: str) -> None:
+    """ValueError for deep nesting; brackets within strings count, too, and none of ours has 64."""
+    depth = deepest = 0
+    for mark in re.finditer(r"[\[\]{}]", text):
+        depth += 1 if mark[0] in "[{" else -1
+        deepest = max(deepest, depth)
+    if deepest > _DEEPEST:
+        raise ValueError(f"it is nested {deepest} deep")
+
+
+def _no_number(name: str) -> NoReturn:
+    raise ValueError(f"{name} is no number")
+
+
+def _finite(text: str) -> float:
+    value = float(text)
+    if abs(value) == float("inf"):
+        raise ValueError(f"{text[:40]} is too large")
+    return value
