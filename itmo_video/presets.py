@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import dataclasses
-import tomllib
 from collections.abc import Mapping, Sequence
 from importlib import resources
 from pathlib import Path
 from typing import Any
 
-from itmo_video.errors import UsageError
+from itmo_video.errors import InputError, UsageError
 from itmo_video.options import flag_name, flag_of, spec_of
 from itmo_video.settings import LOOK, OF_CLIP, Settings, settings_from
+from itmo_video.untrusted import read_toml
 
 _OF_OPERATOR = ("strength", "l_white", "alpha", "operator_params")
 
@@ -101,10 +101,9 @@ def read_preset(preset: str) -> dict[str, Any]:
             remedy=f"Known: {', '.join(preset_names())}, or a path ending in .toml",
         )
     try:
-        with path.open("rb") as file:
-            content = tomllib.load(file)
-    except (OSError, tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise UsageError(f"preset cannot be read: {error}", where=str(path)) from error
+        content = read_toml(path)
+    except InputError as error:
+        raise UsageError(f"preset: {error.what}", where=str(path)) from error
     if unknown := sorted(set(content) - {"description", "settings"}):
         raise UsageError(
             f"unknown entry {', '.join(unknown)}",

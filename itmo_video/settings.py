@@ -13,6 +13,7 @@ from itmo_video import compressions
 from itmo_video.errors import UsageError
 from itmo_video.options import check_options, options_from
 from itmo_video.options import option as setting
+from itmo_video.untrusted import parse_rational
 
 LAYERS = ("expand_map", "clip_mask", "gain")
 _TIMECODE = re.compile(r"([01]\d|2[0-3]):[0-5]\d:[0-5]\d[:;][0-5]\d")
@@ -191,8 +192,8 @@ class Settings:
         if self.fps is None:
             return None
         try:
-            rate = Fraction(self.fps)
-        except (ValueError, ZeroDivisionError):
+            rate = parse_rational(self.fps)
+        except ValueError:
             rate = Fraction(0)
         if not 0 < rate <= 1000:
             raise UsageError(f"fps must be a rate such as 25 or 24000/1001, not {self.fps!r}")

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import fields
 from fractions import Fraction
-from pathlib import Path
 from typing import Any
 
 from itmo_video.analysis.model import (
@@ -22,6 +20,7 @@ from itmo_video.errors import InputError, UsageError
 from itmo_video.output.atomic import StrPath
 from itmo_video.presets import check_own
 from itmo_video.settings import LOOK
+from itmo_video.untrusted import parse_json, parse_rational, read_text
 
 _OF_SHOT = ("first", "last", "enabled", "statistics", "rendering")
 
@@ -35,21 +34,16 @@ def read_analysis(path: StrPath) -> Analysis:
     >>> convert("clip.mkv", "out", run=RunOptions(analysis=read_analysis("shots.json"))).written
     3
     """
-    try:
-        text = Path(path).read_text("utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        reason = getattr(error, "strerror", None) or "it is not text"
-        raise InputError(f"cannot be read: {reason}", where=str(path)) from error
-    return parse_analysis(text, where=str(path))
+    return parse_analysis(read_text(path), where=str(path))
 
 
 def parse_analysis(text: str, *, where: str) -> Analysis:
     """Read JSON text; raises InputError, naming `where` and the entry, for the unexpected."""
     try:
-        return _analysis(json.loads(text), where)
+        return _analysis(parse_json(text), where)
     except _WrongError as error:
         raise _bad(str(error), where) from error
-    except (ValueError, RecursionError) as error:
+    except ValueError as error:
         raise _bad(f"it is not JSON: {error}", where) from error
 
 
@@ -191,8 +185,8 @@ def _numbers(data: Mapping[str, Any], name: str, first: int, last: int) -> tuple
 
 def _time(value: Any) -> Fraction:
     try:
-        return Fraction(str(value))
-    except (ValueError, ZeroDivisionError):
+        return parse_rational(str(value))
+    except ValueError:
         raise _WrongError(f"times_s: {value!r} is no time") from None
 
 

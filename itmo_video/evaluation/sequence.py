@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
@@ -27,6 +26,7 @@ from itmo_video.model import Code, Float32
 from itmo_video.motion.shots import CUT_REACH, Analysed, analyse_frame, place
 from itmo_video.output.exr import read_exr
 from itmo_video.source.opening import Clip
+from itmo_video.untrusted import read_json
 
 Origins = Sequence[tuple[float, float]]
 METRICS = (
@@ -106,9 +106,9 @@ def over_shots(shots: Sequence[Shot]) -> dict[str, float]:
 def read_origins(path: Path) -> Origins:
     """Window origins by frame from pan_clip.py's motion.json; raises UsageError otherwise."""
     try:
-        origins = json.loads(path.read_text())["origins"]
+        origins = read_json(path)["origins"]
         return [(float(x), float(y)) for x, y in origins]
-    except (OSError, ValueError, KeyError, TypeError) as error:
+    except (InputError, ValueError, KeyError, TypeError, OverflowError) as error:
         raise UsageError(f"no origins can be read: {error}", where=str(path)) from error
 
 

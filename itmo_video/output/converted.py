@@ -85,12 +85,15 @@ class Converted:
     @property
     def frame_rate(self) -> Fraction:
         """Frames a second; 25 where the files do not say."""
-        return Fraction(self.first_image.attributes.get("framesPerSecond") or 25)
+        stated = Fraction(self.first_image.attributes.get("framesPerSecond") or 25)
+        return stated if 0 < stated <= 1000 else Fraction(25)
 
     @property
     def pixel_aspect(self) -> Fraction:
         """Width over height of a pixel."""
         stated = self.first_image.attributes.get("pixelAspectRatio", 1)
+        if not (isinstance(stated, int | float) and 0.01 < stated < 100):
+            return Fraction(1)
         return Fraction(str(stated)).limit_denominator(1000)
 
     def time_s(self, number: int, image: ExrImage) -> Fraction:

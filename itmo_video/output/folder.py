@@ -30,6 +30,7 @@ from itmo_video.output.atomic import (
 )
 from itmo_video.output.exr import read_exr
 from itmo_video.output.frame_form import FrameForm
+from itmo_video.untrusted import parse_json, read_text
 
 MANIFEST_NAME = "itmo-video.json"
 MANIFEST_FORMAT = 2
@@ -68,9 +69,9 @@ class Manifest:
     def from_json(cls, text: str, *, where: str = MANIFEST_NAME) -> Manifest:
         """Read JSON text; raises InputError, naming `where`, unless it is a manifest of ours."""
         try:
-            data = json.loads(text)
-        except (ValueError, RecursionError) as error:
-            raise _bad_manifest("it is not JSON", where) from error
+            data = parse_json(text)
+        except ValueError as error:
+            raise _bad_manifest(f"it is not JSON: {error}", where) from error
         if not isinstance(data, dict) or type(data.get("format")) is not int:
             raise _bad_manifest("it has no format number", where)
         if data["format"] != MANIFEST_FORMAT:
@@ -86,13 +87,14 @@ def read_manifest(folder: StrPath) -> Manifest | None:
     """Read the manifest of `folder`; None when it has none, InputError when it is not valid."""
     path = Path(folder) / MANIFEST_NAME
     try:
-        return Manifest.from_json(path.read_text("utf-8"), where=str(path))
-    except (FileNotFoundError, NotADirectoryError) as error:
+        text = read_text(path)
+    except InputError as error:
+        if not isinstance(error.__cause__, FileNotFoundError | NotADirectoryError):
+            raise _bad_manifest(error.what, str(path)) from error
         if path.is_symlink():  # to nothing: neither a manifest nor a free place for one
             raise _bad_manifest("it is a broken link", str(path)) from error
         return None
-    except (OSError, UnicodeDecodeError) as error:
-        raise _bad_manifest("it cannot be read", str(path)) from error
+    return Manifest.from_json(text, where=str(path))
 
 
 FILM_SUFFIXES = (

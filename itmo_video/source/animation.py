@@ -11,11 +11,12 @@ import numpy as np
 
 from itmo_video.errors import DamagedInputError, InputError
 from itmo_video.model import ClipInfo, Code, Encoding, Frame
+from itmo_video.regular_file import read_regular
 from itmo_video.source import pillow_stills, still_colour
 from itmo_video.source.animation_times import Timing
 from itmo_video.source.clip import Clip
 from itmo_video.source.digest import content_digest
-from itmo_video.source.files import check_pixels
+from itmo_video.source.files import PICTURE_BYTES, check_pixels
 from itmo_video.source.planes import upright
 from itmo_video.source.still_formats import StillFormat, stated_size
 from itmo_video.source.still_picture import StillColour, StillPicture
@@ -34,7 +35,7 @@ class AnimationClip(Clip):
             raise InputError(f"cannot be decoded: {timing.damage}", where=str(path))
         self._has_alpha = timing.needs_alpha
         self._colour: StillColour | None = None  # the first frame's, which is the file's
-        size = stated_size(path.read_bytes()[:4096], kind)
+        size = stated_size(read_regular(path, PICTURE_BYTES)[:4096], kind)
         if size is not None:
             check_pixels(*size, options.max_pixels, str(path))
         first = self._first()
@@ -76,7 +77,7 @@ class AnimationClip(Clip):
 
     def frames(self, start: int = 0) -> Iterator[Frame]:
         """Yield the composed frames from index `start` on; stops at the first damaged one."""
-        data, where = self._path.read_bytes(), str(self._path)
+        data, where = read_regular(self._path, PICTURE_BYTES), str(self._path)
         with pillow_stills.opened(data, self._kind, self._options.max_pixels, where) as image:
             for index in range(self.info.frames):
                 try:

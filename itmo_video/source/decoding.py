@@ -36,8 +36,8 @@ class Decoder:
     ) -> Iterator[Any]:
         """Decode from a key packet (place, pts, dts) on, None for the first.
 
-        By one thread; "strict" fails at what a decoder would otherwise conceal. `on_error` is given each packet that fails, None for
-        the end, and says whether to stop.
+        By one thread; "strict" fails at what a decoder would otherwise conceal. `on_error` is given
+        each packet that fails, None for the end, and says whether to stop.
         """
         # By either stamp, as containers differ in what they seek by; else from further back.
         stamps: list[int | None] = [None]

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from itmo_video.errors import AlreadyHdrError
+from itmo_video.regular_file import open_regular
 from itmo_video.source.track_facts import TrackFacts
 
 _DOLBY_ENTRIES = ("dvh1", "dvhe", "dav1", "dva1", "dvav")
@@ -85,7 +86,7 @@ def _side_data(frame: Any) -> list[str]:
 
 
 def _both_ends(path: Path) -> Iterable[bytes]:
-    with path.open("rb") as file:
+    with open_regular(path) as file:
         yield file.read(_ENDS)
         size = path.stat().st_size
         if size > _ENDS:

@@ -6,6 +6,7 @@ import struct
 from collections.abc import Iterator
 from pathlib import Path
 
+from itmo_video.regular_file import open_regular
 from itmo_video.source.track_facts import TrackFacts, dolby_vision
 
 _MOST_BYTES = 64 << 20  # of the box moov, which is read whole
@@ -24,7 +25,7 @@ def video_tracks(path: Path) -> dict[int, TrackFacts]:
 
 def _moov(path: Path) -> bytes:
     at, size = 0, path.stat().st_size
-    with path.open("rb") as file:
+    with open_regular(path) as file:
         for _ in range(_MOST_BOXES):
             file.seek(at)
             head = file.read(16)

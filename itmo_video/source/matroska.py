@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from pathlib import Path
 
+from itmo_video.regular_file import open_regular
 from itmo_video.source.track_facts import TrackFacts, dolby_vision
 
 _SEGMENT, _TRACKS, _CLUSTER, _ENTRY = 0x18538067, 0x1654AE6B, 0x1F43B675, 0xAE
@@ -26,7 +27,7 @@ def video_tracks(path: Path) -> list[TrackFacts]:
 
 def _tracks(path: Path) -> bytes:
     """The body of the element Tracks, which stands before the first Cluster."""
-    with path.open("rb") as file:
+    with open_regular(path) as file:
         at = 0
         for _ in range(1000):
             file.seek(at)

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from itmo_video.errors import AlreadyHdrError, DamagedInputError, InputError
+from itmo_video.regular_file import open_regular
 from itmo_video.source.files import check_pixels
 from itmo_video.source.still_formats import StillFormat
 from itmo_video.source.still_picture import (
@@ -120,7 +121,7 @@ def _picture(
 
 def _dpx_tags(path: Path) -> tuple[int, int, int, int] | None:
     """The transfer of a DPX's first element by H.273's numbers (SMPTE 268M, byte 801)."""
-    with path.open("rb") as file:
+    with open_regular(path) as file:
         head = file.read(802)
     transfer = _DPX_TRANSFERS.get(head[801]) if len(head) > 801 else None
     return None if transfer is None else (2, transfer, 2, 1)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator, Sequence
-from fractions import Fraction
 from pathlib import Path
 
 from itmo_video.errors import DamagedInputError, InputError
@@ -49,7 +48,7 @@ def open_clip(path: str | Path, options: InputOptions | None = None) -> Clip:
             clip = StillClip(absolute, {0: absolute}, options)
     if options.fps is None or isinstance(clip, StillClip):  # images have no times of their own
         return clip
-    return Resampled(clip, Fraction(options.fps))
+    return Resampled(clip, options.fps)
 
 
 def input_files(path: str | Path) -> list[Path]:

@@ -17,6 +17,7 @@ import numpy as np
 from itmo_video.errors import InputError
 from itmo_video.source.files import check_file, check_pixels
 from itmo_video.source.streams import choose_video
+from itmo_video.untrusted import parse_rational
 
 # No playlists and no demuxer that opens a second file: those could read other local files.
 CONTAINERS = (
@@ -227,7 +228,7 @@ def _declared_frames(container: Any, stream: Any, count: int, pts: list[int]) ->
     if not length or not rate or not pts:
         return None
     try:
-        hours, minutes, seconds = (Fraction(part) for part in length.split(":"))
+        hours, minutes, seconds = map(parse_rational, length.split(":"))
     except ValueError:
         return None
     until = (max(pts) + (packet_step(pts) or 0)) * Fraction(stream.time_base)
