@@ -6,6 +6,8 @@ import struct
 
 from itmo_video.compressions import CHUNK_LINES
 
+_SAMPLE_BYTES = (4, 2, 4)  # by type: unsigned, half, float
+_MOST_CHANNELS = 256
 _PLAIN_FLAGS = 0x2 | 0x400  # version 2, scan lines in one part, perhaps with long names
 
 
@@ -55,13 +57,15 @@ def check_chunks(data: bytes) -> None:
     flags = struct.unpack_from("<I", data, 4)[0]
     try:
         method = attributes["compression"][1][0]
-        _, top, _, bottom = struct.unpack("<4i", attributes["dataWindow"][1])
+        left, top, right, bottom = struct.unpack("<4i", attributes["dataWindow"][1])
     except (KeyError, IndexError, struct.error) as error:
         raise DamageError("its header is incomplete") from error
     lines = CHUNK_LINES.get(method, 0)
     if flags & ~_PLAIN_FLAGS or not lines:
         return
     count = -(-(bottom - top + 1) // lines)
+    line_bytes = max(0, right - left + 1) * bytes_a_pixel(attributes)
+    is_whole = b"\x01\0\0\0\x01\0\0\0" in attributes["channels"][1]  # not subsampled
     first = table + 8 * count
     if count < 1 or first > len(data):
         raise DamageError("cut short")
@@ -71,3 +75,32 @@ def check_chunks(data: bytes) -> None:
         y, size = struct.unpack_from("<ii", data, offset)
         if y != top + index * lines or not 0 < size <= len(data) - 8 - offset:
             raise DamageError(f"cut short or damaged at line {index * lines}")
+        # What is not smaller when packed is stored as it is; OpenEXR trusts plain chunks blindly.
+        plain = line_bytes * min(lines, bottom - top + 1 - index * lines)
+        if size > plain or (method == 0 and size != plain and is_whole):
+            raise DamageError(f"damaged at line {index * lines}")
+
+
+def bytes_a_pixel(attributes: dict[str, tuple[str, bytes]]) -> int:
+    """The bytes of a pixel over all channels; subsampled ones count as whole."""
+    _, value = attributes.get("channels", ("", b""))
+    position = total = count = 0
+    name = b""
+    try:
+        while value[position] != 0:
+            end = value.index(0, position)
+            name, before = value[position:end], name
+            position = end + 1
+            # By the format in rising order; DWA's decoder crashes where they are not.
+            if name <= before or not name.isascii() or not name.decode().isprintable():
+                raise DamageError("its list of channels is damaged")
+            kind, _, *sampling = struct.unpack_from("<4i", value, position)
+            if not (0 <= kind < len(_SAMPLE_BYTES) and all(1 <= n <= 16 for n in sampling)):
+                raise DamageError("its list of channels is damaged")
+            total += _SAMPLE_BYTES[kind]
+            position, count = position + 16, count + 1
+    except (IndexError, ValueError, struct.error) as error:
+        raise DamageError("its list of channels is damaged") from error
+    if not 1 <= count <= _MOST_CHANNELS:
+        raise DamageError(f"it has {count} channels")
+    return total

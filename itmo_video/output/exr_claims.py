@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import struct
 
-from itmo_video.output.exr_chunks import DamageError
+from itmo_video.output.exr_chunks import DamageError, bytes_a_pixel
 from itmo_video.output.exr_windows import headers
 
 MOST_PIXEL_BYTES = 5 << 28  # 2**27 pixels of RGBA in half floats, and a quarter more
 _MOST_TILE_BYTES = 1 << 28
-_MOST_CHANNELS = 256
-_SAMPLE_BYTES = (4, 2, 4)  # by type: unsigned, half, float
+_DEEP = 0x800  # of the version field
 
 
 def check_claims(data: bytes) -> None:
@@ -18,6 +17,8 @@ def check_claims(data: bytes) -> None:
 
     Of files of several parts each is looked at.
     """
+    if data[4:8] and int.from_bytes(data[4:8], "little") & _DEEP:
+        raise DamageError("it is deep, with several samples a pixel, which is not read here")
     for attributes in headers(data):
         _check_part(attributes)
 
@@ -28,7 +29,7 @@ def _check_part(attributes: dict[str, tuple[str, bytes]]) -> None:
             raise DamageError("its header is incomplete")
     width, height = _window(attributes["dataWindow"][1])
     shown = _window(attributes["displayWindow"][1])
-    pixel_bytes = _pixel_bytes(attributes)
+    pixel_bytes = bytes_a_pixel(attributes)
     if shown[0] * shown[1] * pixel_bytes > MOST_PIXEL_BYTES:
         raise DamageError(f"it claims to be shown as {shown[0]}x{shown[1]} pixels")
     if (tiles := attributes.get("tiles", ("", b""))[1]) and (
@@ -54,20 +55,3 @@ def _window(value: bytes) -> tuple[int, int]:
     if right < left or bottom < top:
         raise DamageError("it claims a picture of no size")
     return right - left + 1, bottom - top + 1
-
-
-def _pixel_bytes(attributes: dict[str, tuple[str, bytes]]) -> int:
-    """The bytes of a pixel over all channels; subsampled ones count as whole."""
-    _, value = attributes.get("channels", ("", b""))
-    position = total = count = 0
-    try:
-        while value[position] != 0:
-            position = value.index(0, position) + 1
-            (kind,) = struct.unpack_from("<i", value, position)
-            total += _SAMPLE_BYTES[kind] if 0 <= kind < len(_SAMPLE_BYTES) else 4
-            position, count = position + 16, count + 1
-    except (IndexError, ValueError, struct.error) as error:
-        raise DamageError("its list of channels is damaged") from error
-    if not 1 <= count <= _MOST_CHANNELS:
-        raise DamageError(f"it has {count} channels")
-    return total
