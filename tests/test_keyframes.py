@@ -115,3 +115,12 @@ def test_difference_is_symmetric_and_zero_for_equal() -> None:
     a, b = analysed(2)
     assert difference(a, a) == 0
     assert difference(a, b) == difference(b, a) > 0
+
+
+def test_spans_without_maps_have_none() -> None:
+    frames = analysed(12, (7,))
+    with ThreadPoolExecutor(1) as pool:
+        found = list(spans(place(frames, 5, 0), None, 0, 0, lambda frames: True, pool))
+    assert [a.index for span in found for a in span.frames] == list(range(12))
+    with pytest.raises(ValueError, match="without maps"):
+        found[0].left[1].result()

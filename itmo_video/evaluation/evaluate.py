@@ -10,7 +10,7 @@ from itmo_video.evaluation import agreement, films, folders, heat_film, sequence
 from itmo_video.evaluation.agreement import Agreement, Display
 from itmo_video.evaluation.evaluate_options import EvaluateOptions
 from itmo_video.evaluation.ibl import Lighting
-from itmo_video.evaluation.sequence import Shot
+from itmo_video.evaluation.sequence import ShotFlicker
 from itmo_video.events import OnEvent, ignore
 from itmo_video.output.folder import read_manifest
 from itmo_video.output.gate import FILM, Gate
@@ -34,7 +34,7 @@ class Evaluation:
     display: Display | None = None
     fidelity: Mapping[str, Agreement] = field(default_factory=dict)
     lighting: Mapping[str, Lighting] = field(default_factory=dict)
-    shots: Sequence[Shot] = ()
+    shots: Sequence[ShotFlicker] = ()
     clip: Mapping[str, float] = field(default_factory=dict)
 
 
@@ -65,7 +65,7 @@ def evaluate(test: str | Path, options: EvaluateOptions, on_event: OnEvent = ign
         gate.check()
     fidelity: dict[str, Agreement] = {}
     figures: dict[str, float] = {}
-    display, shots, clip = None, list[Shot](), dict[str, float]()
+    display, shots, clip = None, list[ShotFlicker](), dict[str, float]()
     if options.reference:
         display = _display(test, options)
         fidelity = _fidelity(test, options.reference, options, display, gate, on_event)

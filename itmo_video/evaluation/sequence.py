@@ -35,7 +35,7 @@ METRICS = (
 
 
 @dataclass
-class Shot:
+class ShotFlicker:
     """A shot's first and last frame, by their files' numbers, and figures; NaN for unknown."""
 
     first: int
@@ -62,7 +62,7 @@ def flicker_by_shot(
     origins: Origins | None,
     key_interval: int | None = None,
     on_event: OnEvent = ignore,
-) -> list[Shot]:
+) -> list[ShotFlicker]:
     """Flicker figures of each shot of a converted folder; by known origins or estimated flow.
 
     The luminances of SDR and HDR are compared, so the folder may be anybody's; map flicker needs
@@ -72,7 +72,7 @@ def flicker_by_shot(
     """
     sequence = open_sequence(folder)
     interval = key_interval or sequence.settings_or_default.key_interval
-    shots: list[Shot] = []
+    shots: list[ShotFlicker] = []
     running: _Running | None = None
     for done, frame in enumerate(_frames(sequence, source), 1):
         if running is None or frame.starts_shot:
@@ -84,10 +84,10 @@ def flicker_by_shot(
     if running is not None:
         shots.append(running.shot())
     start = sequence.first_number
-    return [Shot(shot.first + start, shot.last + start, shot.figures) for shot in shots]
+    return [ShotFlicker(shot.first + start, shot.last + start, shot.figures) for shot in shots]
 
 
-def over_shots(shots: Sequence[Shot]) -> dict[str, float]:
+def over_shots(shots: Sequence[ShotFlicker]) -> dict[str, float]:
     """The clip's figures: means over shots by their lengths; the largest drift."""
     out: dict[str, float] = {}
     for name in METRICS:
@@ -213,10 +213,10 @@ class _Running:
         self._highest = max(self._highest, frame.background)
         self._before, self.last = frame, frame.index
 
-    def shot(self) -> Shot:
+    def shot(self) -> ShotFlicker:
         drift = {"background_drift": self._highest - self._lowest}
         figures = {name: mean.value for name, mean in self._means.items()} | drift
-        return Shot(self._first, self.last, {name: figures[name] for name in METRICS})
+        return ShotFlicker(self._first, self.last, {name: figures[name] for name in METRICS})
 
     def _change(self, a: _Seen, b: _Seen) -> tuple[float, float]:
         if self._origins is not None:

@@ -10,7 +10,7 @@ from typing import Any
 from itmo_video.evaluation.agreement import FIGURES, Agreement
 from itmo_video.evaluation.fidelity import Zone
 from itmo_video.evaluation.ibl import Lighting
-from itmo_video.evaluation.sequence import Shot
+from itmo_video.evaluation.sequence import ShotFlicker
 
 HEADINGS = {
     "pq_psnr_db": "PQ-PSNR dB", "pu21_psnr_db": "PU21-PSNR dB", "pu21_ssim": "PU21-SSIM",
@@ -65,7 +65,7 @@ def agreement_table(rows: Mapping[str, Agreement]) -> str:
     return "\n\n".join(parts)
 
 
-def flicker_table(shots: Sequence[Shot], clip: Mapping[str, float]) -> str:
+def flicker_table(shots: Sequence[ShotFlicker], clip: Mapping[str, float]) -> str:
     """A line a shot, numbered as in the file names, and one for the clip."""
     rows = [[f"shot {s.first}-{s.last}", *(_cell(v, 5) for v in s.figures.values())] for s in shots]
     return _table(["", *clip], [*rows, ["clip", *(_cell(value, 5) for value in clip.values())]])

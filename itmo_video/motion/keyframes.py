@@ -85,7 +85,7 @@ def smooth_map(keys: Sequence[Key], at: int, reach: int) -> Float32:
 
 def spans(
     placed: Iterable[Placed[Analysed]],
-    make_map: Callable[[Analysed], Float32],
+    make_map: Callable[[Analysed], Float32] | None,
     smooth_keys: int,
     first_needed: int,
     is_wanted: Callable[[Sequence[Analysed]], bool],
@@ -94,6 +94,7 @@ def spans(
 ) -> Iterator[Span]:
     """Pair the frames with the keys on either side, in order, each key's map made once.
 
+    Without `make_map` they have none: whoever asks a span for one gets ValueError.
     Keys from index `first_needed` on are made; earlier frames only settled where shots begin.
     Only spans some of whose frames `is_wanted` come out. What is made in the `pool` waits only for
     what was given to it before, so one that begins its work in order cannot come to a stop.
@@ -101,8 +102,12 @@ def spans(
     shot: list[Key] = []  # the recent keys of the current shot, oldest first
     waiting: list[tuple[Key, list[Placed[Analysed]]]] = []  # spans whose maps wait for later keys
     smoothed: dict[int, Future[Float32]] = {}
+    no_map: Future[Float32] = Future()
+    no_map.set_exception(ValueError("these spans were asked for without maps"))
 
     def smooth(key: Key) -> Future[Float32]:
+        if make_map is None:
+            return no_map
         index = key.placed.analysed.index
         if index not in smoothed:
             smoothed[index] = pool.submit(smooth_map, tuple(shot), shot.index(key), smooth_keys)
@@ -123,7 +128,7 @@ def spans(
         if item.analysed.index < first_needed:
             continue
         if item.is_key:
-            key = Key(item, pool.submit(make_map, item.analysed))
+            key = Key(item, pool.submit(make_map, item.analysed) if make_map else no_map)
             if shot and smooth_keys:
                 key.to_previous = pool.submit(find_flow, key.grey, shot[-1].grey)
                 shot[-1].to_next = pool.submit(find_flow, shot[-1].grey, key.grey)

@@ -156,14 +156,13 @@ def spans_of(
             on_end(error)
 
     def key_map(analysed: Analysed) -> Float32:
-        # Where no map is used the spans still pair frames; nobody looks at what stands in for it.
-        return make_map(analysed.frame, look) if look.needs_map else analysed.tiny
+        return make_map(analysed.frame, look)
 
     settings = look.settings
     placed = place(source(), settings.key_reach, run.start)
     spans = keyframes.spans(
         placed,
-        key_map,
+        key_map if look.needs_map else None,
         settings.smooth_reach if look.needs_map else 0,
         run.keys,
         lambda frames: any(a.index in run.wanted for a in frames),
