@@ -56,25 +56,35 @@ def encoded(image: np.ndarray, form: str, **options: object) -> bytes:
 
 
 def lut_profile(grid: int = 9, gamma: float = 1.8) -> bytes:
-    """An ICC v2 profile of RGB with a table (mft2): inverted channels' order, its own gamma."""
+    """An ICC v2 profile of RGB with a table (mft2): a gamma of its own, BT.709's primaries."""
+    nodes = np.linspace(0, 1, grid) ** gamma
+    light = np.stack(np.meshgrid(nodes, nodes, nodes, indexing="ij"), -1)
+    return _table_profile(b"RGB ", grid, light)
+
+
+def ink_profile(grid: int = 9) -> bytes:
+    """An ICC v2 profile of CMYK with a table: each ink takes its share of light away."""
+    nodes = np.linspace(0, 1, grid)
+    inks = np.stack(np.meshgrid(nodes, nodes, nodes, nodes, indexing="ij"), -1)
+    return _table_profile(b"CMYK", grid, (1 - inks[..., :3]) * (1 - inks[..., 3:]))
+
+
+def _table_profile(space: bytes, grid: int, light: np.ndarray) -> bytes:
+    """A profile whose table has linear BT.709 light at its nodes, as Lab."""
     from itmo_video.source.icc import D50_XYZ, _d50_matrix
 
-    nodes = np.linspace(0, 1, grid) ** gamma
-    red, green, blue = np.meshgrid(nodes, nodes, nodes, indexing="ij")
-    light = np.stack([red, green, blue], -1)
-    xyz = light @ _d50_matrix("rec709").T
-    ratio = xyz / np.array(D50_XYZ)
+    channels = light.ndim - 1
+    ratio = light @ _d50_matrix("rec709").T / np.array(D50_XYZ)
     cube = np.where(ratio > 216 / 24389, np.cbrt(ratio), (24389 / 27 * ratio + 16) / 116)
-    lab = np.stack(
-        [116 * cube[..., 1] - 16, 500 * (cube[..., 0] - cube[..., 1]),
-         200 * (cube[..., 1] - cube[..., 2])], -1
+    codes = np.stack(
+        [(116 * cube[..., 1] - 16) * 652.80, (500 * (cube[..., 0] - cube[..., 1]) + 128) * 256,
+         (200 * (cube[..., 1] - cube[..., 2]) + 128) * 256], -1
     )  # fmt: skip
-    codes = np.stack([lab[..., 0] * 652.80, (lab[..., 1] + 128) * 256, (lab[..., 2] + 128) * 256])
-    table = np.clip(np.rint(np.moveaxis(codes, 0, -1)), 0, 65535).astype(">u2").tobytes()
+    table = np.clip(np.rint(codes), 0, 65535).astype(">u2").tobytes()
     line = np.array([0, 65535], ">u2").tobytes()
-    body = b"mft2" + bytes(4) + bytes([3, 3, grid, 0])
+    body = b"mft2" + bytes(4) + bytes([channels, 3, grid, 0])
     body += struct.pack(">9i", 65536, 0, 0, 0, 65536, 0, 0, 0, 65536)
-    body += struct.pack(">HH", 2, 2) + line * 3 + table + line * 3
+    body += struct.pack(">HH", 2, 2) + line * channels + table + line * 3
     white = b"XYZ " + bytes(4) + struct.pack(">3i", *(round(v * 65536) for v in D50_XYZ))
     desc = b"desc" + bytes(4) + struct.pack(">I", 5) + b"made\0" + bytes(78)
     bodies = [(b"desc", desc), (b"wtpt", white), (b"A2B0", body)]
@@ -83,7 +93,10 @@ def lut_profile(grid: int = 9, gamma: float = 1.8) -> bytes:
     for name, part in bodies:
         tags += name + struct.pack(">II", at + len(content), len(part))
         content += part + bytes(-len(part) % 4)
-    head = struct.pack(">I", at + len(content)) + bytes(4) + b"\x02\x40\0\0" + b"mntrRGB Lab "
+    kind = b"prtr" if space == b"CMYK" else b"mntr"
+    head = (
+        struct.pack(">I", at + len(content)) + bytes(4) + b"\x02\x40\0\0" + kind + space + b"Lab "
+    )
     head += struct.pack(">6H", 2026, 1, 1, 0, 0, 0) + b"acsp" + bytes(28)
     head += struct.pack(">3i", *(round(v * 65536) for v in D50_XYZ))
     return head.ljust(128, b"\0") + tags + content

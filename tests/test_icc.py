@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from PIL import Image, ImageCms
-from stills import at_patches, encoded, linear_srgb, lut_profile, noise, patches
+from stills import at_patches, encoded, ink_profile, linear_srgb, lut_profile, noise, patches
 
 from itmo_video.colour.transfer import eotf
 from itmo_video.errors import InputError
@@ -158,3 +158,18 @@ def test_inks_with_a_profile_of_rgb_are_refused(tmp_path: Path) -> None:
     (tmp_path / "a.jpg").write_bytes(data.getvalue())
     with pytest.raises(InputError, match="inks"):
         open_clip(tmp_path / "a.jpg")
+
+
+@pytest.mark.parametrize("form", ["JPEG", "TIFF"])
+def test_inks_are_converted_by_their_profile(tmp_path: Path, form: str) -> None:
+    inks = np.zeros((16, 64, 4), np.uint8)
+    for n, ink in enumerate([(0, 0, 0, 0), (128, 0, 0, 0), (40, 90, 20, 60), (0, 0, 0, 200)]):
+        inks[:, 16 * n : 16 * n + 16] = ink
+    options = {"quality": 100, "subsampling": 0} if form == "JPEG" else {}
+    data = io.BytesIO()
+    image = Image.fromarray(inks, "CMYK")
+    image.save(data, form, icc_profile=ink_profile(), **options)
+    (tmp_path / "a").write_bytes(data.getvalue())
+    want = (1 - inks[8, 8::16, :3] / 255) * (1 - inks[8, 8::16, 3:] / 255)
+    np.testing.assert_allclose(linear_srgb(tmp_path / "a")[8, 8::16], want, atol=0.02)
+    assert any("inks" in notice for notice in open_clip(tmp_path / "a").info.notices)

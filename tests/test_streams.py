@@ -319,3 +319,46 @@ def test_joined_captures_are_continuous(tmp_path: Path) -> None:
         assert [f.time_s for f in frames] == [Fraction(n, 25) for n in range(100)]
         np.testing.assert_array_equal(frames[10].planes[0], frames[60].planes[0])
         assert any("jump" in notice for notice in clip.info.notices)
+
+
+def with_empty_chunks(data: bytes, which: set[int]) -> bytes:
+    """An AVI with these frames' chunks made empty in place, the rest of each a JUNK chunk."""
+    out, at, number = bytearray(data), data.index(b"movi") + 4, 0
+    while data[at : at + 4] in (b"00dc", b"JUNK", b"ix00"):
+        name, size = struct.unpack_from("<4sI", data, at)
+        if name == b"00dc":
+            if number in which:
+                struct.pack_into("<I4sI", out, at + 4, 0, b"JUNK", size + size % 2 - 8)
+            number += 1
+        at += 8 + size + size % 2
+    entries = data.index(b"idx1") + 8
+    for n in which:
+        struct.pack_into("<I", out, entries + 16 * n + 12, 0)
+    index = data.find(b"ix00")
+    for n in which if index >= 0 else ():
+        struct.pack_into("<I", out, index + 32 + 8 * n + 4, 0)
+    return bytes(out)
+
+
+@pytest.mark.parametrize("which", [{3, 4, 8}, {11}, {1, 3, 5, 7, 9, 11}])
+def test_empty_chunks_of_avi_are_repeats(tmp_path: Path, which: set[int]) -> None:
+    path = tmp_path / "a.avi"
+    with av.open(str(path), "w") as film:
+        stream = film.add_stream("mjpeg", rate=25)
+        stream.width, stream.height, stream.pix_fmt = 64, 48, "yuvj420p"
+        for n in range(12):
+            frame = av.VideoFrame(64, 48, "yuvj420p")
+            for plane, value in zip(frame.planes, (20 * n, 128, 128), strict=True):
+                plane.update(bytes([value]) * plane.buffer_size)
+            frame.pts = n
+            film.mux(stream.encode(frame))
+        film.mux(stream.encode())
+    path.write_bytes(with_empty_chunks(path.read_bytes(), which))
+    clip = open_clip(path)
+    assert (clip.info.frames, clip.info.frames_declared) == (12, 12)
+    shown = [max(m for m in range(n + 1) if m not in which) for n in range(12)]
+    for start in range(12):
+        found = list(clip.frames(start))
+        assert [f.index for f in found] == list(range(start, 12))
+        for frame in found:
+            assert abs(int(frame.planes[0][0, 0]) - 20 * shown[frame.index]) <= 2

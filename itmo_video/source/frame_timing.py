@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from itmo_video import words
 from itmo_video.source.packets import Packets, packet_step
+from itmo_video.words import counted
 
 
 def timing(stream: Any, packets: Packets, time_base: Fraction) -> tuple[Fraction, Fraction, bool]:
@@ -70,11 +71,11 @@ def packet_notices(packets: Packets) -> list[str]:
         told.append("its time stamps are incomplete: frames are counted from the start")
     if packets.repeats:
         told.append(
-            f"{len(packets.repeats)} of its chunks are empty: each repeats the frame before it"
+            f"{counted(len(packets.repeats), 'empty chunk')}: each repeats the frame before it"
         )
     if packets.left_out:
         told.append(
-            f"it begins within a group of pictures: {packets.left_out} frames before its first "
-            "whole one are left out"
+            "it begins within a group of pictures: what is shown before its first whole frame, "
+            f"{counted(packets.left_out, 'frame')}, is left out"
         )
     return told
