@@ -191,3 +191,12 @@ def test_09_a_truncated_image_of_a_sequence_is_named(
     told = capsys.readouterr().err
     assert "frames 1 could not be decoded (s.1.jpg: it is cut short" in told
     assert len(list((tmp_path / "out").glob("*.exr"))) == 2
+
+
+def test_01_a_grid_that_was_cut_is_refused(tmp_path: Path) -> None:
+    for name in ("arrow.heic", "sofa_grid1x5_420.avif"):
+        data = report(f"01_heif_grid/{name}").read_bytes()
+        for part in (0.13, 0.6, 0.97):
+            (tmp_path / name).write_bytes(data[: int(len(data) * part)])
+            with pytest.raises(InputError, match="cannot be decoded"):
+                open_clip(tmp_path / name)

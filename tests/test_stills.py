@@ -243,6 +243,16 @@ def test_cut_stills_never_pass(tmp_path: Path, name: str) -> None:
         assert np.abs(got.astype(float) - whole).max() < 2, f"{part}/24 of it passes"
 
 
+@pytest.mark.parametrize("form", ["HEIF", "AVIF"])
+def test_a_cut_box_is_damage(tmp_path: Path, form: str) -> None:
+    """As of a grid whose last tiles are cut off: a library shows the rest."""
+    pillow_heif.register_heif_opener()
+    data = encoded(noise(64, 96), form)
+    for part in (len(data) - 1, len(data) - 40, len(data) // 2):
+        with pytest.raises(InputError, match="cut short"):
+            open_clip(written(tmp_path / "a", data[:part]))
+
+
 def test_cut_stills_are_gaps_of_a_sequence(tmp_path: Path) -> None:
     for n in range(4):
         data = encoded(noise(seed=n), "JPEG")

@@ -43,3 +43,22 @@ def check_jpeg(data: bytes) -> None:
                 break
             at = found.start()
     raise DamageError(f"it is cut short at byte {len(data)}")
+
+
+def check_boxes(data: bytes) -> None:
+    """Raise DamageError unless all boxes of a HEIF or AVIF file end within it (ISO/IEC 14496-12).
+
+    libheif shows the tiles that are there, and a plain colour for those that were cut off.
+    """
+    at = 0
+    while at < len(data):
+        size, start = int.from_bytes(data[at : at + 4], "big"), 8
+        if size == 1:
+            size, start = int.from_bytes(data[at + 8 : at + 16], "big"), 16
+        if size == 0 and len(data) - at >= 8:  # it goes on to the end
+            return
+        if size < start:
+            raise DamageError(f"its boxes are damaged at byte {at}")
+        if at + size > len(data):
+            raise DamageError(f"it is cut short: {at + size - len(data)} bytes are missing")
+        at += size

@@ -8,7 +8,7 @@ from pathlib import Path
 from itmo_video.errors import AlreadyHdrError, DamagedInputError, InputError
 from itmo_video.regular_file import open_regular, read_regular
 from itmo_video.source import avif, lut_profile, oiio_stills, pillow_stills, png_chunks, raw_photos
-from itmo_video.source.damage import DamageError, check_jpeg
+from itmo_video.source.damage import DamageError, check_boxes, check_jpeg
 from itmo_video.source.files import PICTURE_BYTES, check_pixels
 from itmo_video.source.gain_map import NOTICE, has_gain_map
 from itmo_video.source.icc import ProfileError
@@ -85,6 +85,8 @@ def _checked(data: bytes, kind: StillFormat, where: str) -> png_chunks.PngFacts 
     try:
         if kind == "jpeg":
             check_jpeg(data)
+        if kind in ("heif", "avif"):
+            check_boxes(data)
         return png_chunks.read_facts(data) if kind in ("png", "apng") else None
     except DamageError as error:
         raise DamagedInputError(str(error), where=where) from error
