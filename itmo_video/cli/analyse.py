@@ -9,6 +9,7 @@ from itmo_video.cli.option_flags import add_options, options_of
 from itmo_video.cli.run_flags import OF_ANALYSE
 from itmo_video.cli.settings_flags import add_settings, settings_of
 from itmo_video.conversion.run_options import RunOptions
+from itmo_video.errors import UsageError
 from itmo_video.settings import Settings
 from itmo_video.words import counted
 
@@ -32,6 +33,10 @@ def add_analyse(commands: Any) -> None:
     analyse.add_argument(
         "--output", metavar="FILE.json", help="where the JSON goes (default: standard output)"
     )
+    analyse.add_argument(
+        "--hdr10", action="store_true",
+        help="render all and print MaxCLL and MaxFALL as encoders' options, instead",
+    )  # fmt: skip
     add_options(analyse, RunOptions, OF_ANALYSE)
     analyse.add_argument("--quiet", action="store_true", help="no notices")
     add_settings(analyse)
@@ -40,10 +45,24 @@ def add_analyse(commands: Any) -> None:
 
 def _analyse(args: argparse.Namespace) -> int:
     run = options_of(args, RunOptions)
+    if args.hdr10:
+        return _hdr10(args, run)
     analyse_to(
         args.input, args.output, settings_of(args), run.start_number, run.max_pixels,
         overwrite=run.overwrite, quiet=args.quiet,
     )  # fmt: skip
+    return 0
+
+
+def _hdr10(args: argparse.Namespace, run: RunOptions) -> int:
+    from itmo_video.cli.progress import Progress
+    from itmo_video.delivery.light_levels import encoder_options, film_light_levels
+
+    if args.output is not None:
+        raise UsageError("--hdr10 prints encoders' options", remedy="Leave --output out.")
+    progress = Progress(as_json=False, quiet=args.quiet)
+    light, peak = film_light_levels(args.input, settings_of(args), run, progress.on_event)
+    print(encoder_options(light, peak), end="")
     return 0
 
 

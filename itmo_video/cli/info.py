@@ -19,6 +19,7 @@ def add_info(commands: Any) -> None:
     info.set_defaults(run=_info)
 
     presets = commands.add_parser("presets", help="the presets and what they set")
+    presets.add_argument("--json", action="store_true", help="as JSON")
     presets.set_defaults(run=_presets)
     operators = commands.add_parser("operators", help="the operators, their parameters, sources")
     operators.set_defaults(run=_operators)
@@ -40,6 +41,16 @@ def _info(args: argparse.Namespace) -> int:
 
 
 def _presets(args: argparse.Namespace) -> int:
+    if args.json:
+        told = {
+            name: {
+                "description": read_preset(name).get("description", ""),
+                "settings": {flag_name(key): value for key, value in load_preset(name).items()},
+            }
+            for name in preset_names()
+        }
+        print(json.dumps(told, indent=1))
+        return 0
     for name in preset_names():
         content = read_preset(name)
         print(f"{name}: {content.get('description', '')}")

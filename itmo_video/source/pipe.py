@@ -231,7 +231,7 @@ class _Once(Decoder):
     def numbered(self, start: int) -> Iterator[Numbered]:
         raise InputError("a pipe can be read only once", where=str(self.path))
 
-    def decoded(self, entry: tuple[int, int, int] | None) -> Iterator[Any]:
+    def decoded(self, *_: Any, **__: Any) -> Iterator[Any]:
         return iter(())
 
 

@@ -1,0 +1,63 @@
+"""The light levels that HDR10 states, before anything is encoded, and as encoders' options."""
+
+from __future__ import annotations
+
+import shlex
+from pathlib import Path
+
+from itmo_video.colour.primaries import CHROMATICITIES
+from itmo_video.conversion.run_options import RunOptions
+from itmo_video.delivery import hdr
+from itmo_video.delivery.from_clip import from_clip
+from itmo_video.delivery.hdr import Light
+from itmo_video.delivery.metadata import Mastering
+from itmo_video.delivery.pictures import Picture
+from itmo_video.errors import DamagedInputError
+from itmo_video.events import FrameDone, OnEvent, Started, Warned, ignore
+from itmo_video.settings import Settings
+
+
+def film_light_levels(
+    source: str | Path, settings: Settings, run: RunOptions, on_event: OnEvent = ignore
+) -> tuple[Light, float]:
+    """MaxCLL and MaxFALL of a clip as `preview` would make it, and its peak, all in nits.
+
+    Every frame is rendered, none is kept. Raises what `preview` does: DamagedInputError where not
+    all frames were looked at, as the numbers would not be the film's.
+    """
+    pictures = from_clip(Path(source), settings, run)
+    for notice in pictures.notices:
+        on_event(Warned(notice))
+    on_event(Started(str(source), "", len(pictures.numbers), 0))
+
+    def measured(picture: Picture) -> tuple[int, Light]:
+        nits = hdr.to_nits_2020(
+            picture.rgb, pictures.primaries, pictures.white_nits, pictures.peak_nits
+        )
+        return picture.number, hdr.frame_light(nits)
+
+    light = Light(0.0, 0.0)
+    for done, (number, own) in enumerate(pictures.mapped(measured), 1):
+        light = hdr.film_light((light, own))
+        on_event(FrameDone(number, done, len(pictures.numbers)))
+    if pictures.damage:
+        raise DamagedInputError("; ".join(pictures.damage), where=str(source))
+    return light, pictures.peak_nits
+
+
+def encoder_options(light: Light, peak_nits: float) -> str:
+    """What to tell encoders of a PQ film by y4m, a line each, ready for a shell."""
+    mastering = Mastering(CHROMATICITIES["p3d65"], peak_nits)
+    cll, fall = light.as_integers
+    display, svt = shlex.quote(mastering.for_x265()), shlex.quote(mastering.for_svt())
+    x265 = f"hdr10=1:repeat-headers=1:master-display={mastering.for_x265()}:max-cll={cll},{fall}"
+    return (
+        f"MaxCLL {cll} nits, MaxFALL {fall} nits, mastering display {peak_nits:g} nits (P3)\n"
+        "x265: --colorprim bt2020 --transfer smpte2084 --colormatrix bt2020nc --range limited "
+        f"--chromaloc 0 --hdr10 --master-display {display} --max-cll {cll},{fall} "
+        "--output-depth 10\n"
+        "SvtAv1EncApp: --color-primaries 9 --transfer-characteristics 16 --matrix-coefficients 9 "
+        f"--color-range 0 --mastering-display {svt} --content-light {cll},{fall}\n"
+        "ffmpeg: -c:v libx265 -color_primaries bt2020 -color_trc smpte2084 -colorspace bt2020nc "
+        f"-color_range tv -x265-params {shlex.quote(x265)}\n"
+    )
