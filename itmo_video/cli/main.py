@@ -15,9 +15,10 @@ from itmo_video.cli.analyse import add_analyse
 from itmo_video.cli.convert import add_convert
 from itmo_video.cli.evaluate import add_evaluate
 from itmo_video.cli.info import add_info
-from itmo_video.cli.outcome import debug, interrupted, reported
+from itmo_video.cli.outcome import interrupted, out_of_memory, reported, unexpected
 from itmo_video.cli.preview import add_preview
 from itmo_video.cli.report import add_report
+from itmo_video.cli.streams import lost_output, with_streams
 from itmo_video.cli.studio import add_studio
 from itmo_video.cli.variants import add_variants
 from itmo_video.errors import ItmoError, UsageError
@@ -35,26 +36,26 @@ class _Terminated(BaseException):
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command line; returns the exit code (cli.md)."""
     signal.signal(signal.SIGTERM, _on_sigterm)
+    with_streams()
     try:
         args = _parser().parse_args(argv)
-        return int(args.run(args) or 0)
+        code = int(args.run(args) or 0)
+        sys.stdout.flush()
+        return code
     except ItmoError as error:
         return reported(error)
     except KeyboardInterrupt:
         return interrupted(130)
     except _Terminated:
         return interrupted(143)
-    except BrokenPipeError:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return 1
+    except MemoryError:
+        return out_of_memory()
+    except OSError as error:
+        if (code_of_stream := lost_output(error)) is not None:
+            return code_of_stream
+        return unexpected(error)
     except Exception as error:
-        debug()
-        print(
-            f"itmo-video: unexpected: {type(error).__name__}: {error}\n"
-            "Please report it; ITMO_VIDEO_DEBUG=1 shows where.",
-            file=sys.stderr,
-        )
-        return 1
+        return unexpected(error)
 
 
 def run() -> NoReturn:

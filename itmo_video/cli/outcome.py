@@ -29,3 +29,27 @@ def interrupted(code: int) -> int:
         file=sys.stderr,
     )
     return code
+
+
+def out_of_memory() -> int:
+    """Say that memory ran out; returns the exit code."""
+    debug()
+    print(
+        "itmo-video: there is not enough memory; what is written is whole\n"
+        "Fewer --jobs, or a smaller --map-width, take less; a limit may be set (ulimit -v).",
+        file=sys.stderr,
+    )
+    return 1
+
+
+def unexpected(error: Exception) -> int:
+    """Report what is our own fault; returns the exit code."""
+    if type(error).__name__ == "error" and "Insufficient memory" in str(error):  # OpenCV's
+        return out_of_memory()
+    debug()
+    print(
+        f"itmo-video: unexpected: {type(error).__name__}: {error}\n"
+        "Please report it; ITMO_VIDEO_DEBUG=1 shows where.",
+        file=sys.stderr,
+    )
+    return 1

@@ -20,11 +20,12 @@ class Progress:
         self._began = time.monotonic()
         self._on_terminal = self._stream.isatty()
         self._is_line_open = False
+        self._lost: Exception | None = None
 
     def on_event(self, event: Event) -> None:
         """Tell one event."""
         if self._as_json:
-            print(json.dumps(as_json(event)), flush=True)
+            self._tell(json.dumps(as_json(event)))
         if self._quiet:
             return
         match event:
@@ -37,6 +38,15 @@ class Progress:
                     self.close()
             case Finished():
                 self._sum_up(event)
+
+    def _tell(self, line: str) -> None:
+        """A line on standard output; who reads no longer does not stop the work."""
+        if self._lost is not None:
+            return
+        try:
+            print(line, flush=True)
+        except (OSError, ValueError) as error:
+            self._lost = error
 
     def _sum_up(self, event: Finished) -> None:
         self.close()

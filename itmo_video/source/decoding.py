@@ -50,8 +50,7 @@ class Decoder:
                 if entry is not None and stamp is not None:
                     packets = self._after_seek(container, stream, entry[0], stamp)
                 if packets is not None:
-                    context = decoder_of(stream, self.max_pixels)
-                    _set_way(context, way)
+                    context = decoder_of(stream, self.max_pixels, way)
                     yield from decode_all(context, packets, on_error)
                     return
 
@@ -76,21 +75,17 @@ class Decoder:
         return None
 
 
-def decoder_of(stream: Any, max_pixels: int) -> Any:
-    """The stream's decoder; for VP8 and VP9 with alpha libvpx, which alone decodes that."""
+def decoder_of(stream: Any, max_pixels: int, way: Way = "lenient") -> Any:
+    """The stream's decoder, of one thread; libvpx for VP8 and VP9 with alpha, as others drop it."""
     context = stream.codec_context
     name = {"vp8": "libvpx", "vp9": "libvpx-vp9"}.get(str(context.name))
-    if name is None or stream.metadata.get("alpha_mode") != "1" or name not in av.codecs_available:
-        return context
-    alone = av.CodecContext.create(name, "r")
-    alone.options = {"max_pixels": decoder_limit(max_pixels)}
-    return alone
-
-
-def _set_way(context: Any, way: Way) -> None:
+    if name and stream.metadata.get("alpha_mode") == "1" and name in av.codecs_available:
+        context = av.CodecContext.create(name, "r")
+        context.options = {"max_pixels": decoder_limit(max_pixels)}
     context.thread_type, context.thread_count = "NONE", 1
     if way == "strict":
         context.options = {**context.options, "err_detect": "explode"}
+    return context
 
 
 def decode_all(

@@ -8,7 +8,7 @@ import re
 import select
 import stat
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from fractions import Fraction
@@ -20,7 +20,7 @@ from typing import Any
 import av
 
 from itmo_video.errors import InputError, UsageError
-from itmo_video.source.decoding import Decoder, Numbered, decode_all, decoder_of
+from itmo_video.source.decoding import Decoder, Numbered, Way, decode_all, decoder_of
 from itmo_video.source.packets import (
     CONTAINERS,
     TAG_ERRORS,
@@ -228,10 +228,12 @@ def raw_format(text: str) -> tuple[str, str, str]:
 class _Once(Decoder):
     """A decoder that stands in the stream and cannot go back."""
 
-    def numbered(self, start: int) -> Iterator[Numbered]:
-        raise InputError("a pipe can be read only once", where=str(self.path))
-
-    def decoded(self, *_: Any, **__: Any) -> Iterator[Any]:
+    def decoded(
+        self,
+        entry: tuple[int, ...] | None,
+        way: Way = "lenient",
+        on_error: Callable[[Any], bool] = lambda packet: False,
+    ) -> Iterator[Any]:
         return iter(())
 
 
