@@ -25,6 +25,10 @@ _FAULTS = (
 )  # fmt: skip
 
 
+_NOT_DECODED = (0, 136, 0)  # Y'CbCr of 0, 0, 0, which no encoder makes of a green
+_MOST_NOT_DECODED = 2000  # pixels; HEVC's blocks have up to 4096
+
+
 @contextmanager
 def opened(data: bytes, kind: StillFormat, max_pixels: int, where: str) -> Iterator[Any]:
     """A Pillow image of a file's bytes, not decoded yet; its size is within the limit."""
@@ -114,6 +118,8 @@ def _heif(data: bytes, max_pixels: int, where: str) -> StillPicture:
         mode, _, depth = image.mode.partition(";")
         bits = int(depth or 8)
         pixels = np.asarray(image)
+    if bits == 8 and mode.startswith("RGB"):
+        _check_decoded(pixels, where)
     has_alpha = mode.endswith(("A", "a"))
     colours = 3 if mode.startswith(("RGB", "BGR")) else 1
     planes = split(pixels)
@@ -134,6 +140,13 @@ def _heif(data: bytes, max_pixels: int, where: str) -> StillPicture:
             cicp=None if cicp is None else (cicp[0], cicp[1], cicp[2], 1),
         ),
     )
+
+
+def _check_decoded(pixels: Any, where: str) -> None:
+    """Raise DamagedInputError where blocks did not decode: libheif leaves their codes at 0."""
+    empty = np.all(pixels[..., :3] == _NOT_DECODED, axis=-1)
+    if np.count_nonzero(empty) > _MOST_NOT_DECODED:
+        raise DamagedInputError("parts of it do not decode", where=where)
 
 
 def read_inks(data: bytes, kind: StillFormat, max_pixels: int, where: str) -> tuple[Any, bytes]:
