@@ -343,11 +343,3 @@ def test_frames_are_the_same_by_libraries(by_libraries, map_width, preset, proje
         ours.astype(np.float64), theirs.astype(np.float64), rtol=3e-3, atol=1e-5
     )
     assert np.mean(ours != theirs) < 0.01
-
-
-@compiled
-def test_arrays_with_gaps_are_refused():
-    """A loop that is given a transposed plane would read it in the wrong order, unseen."""
-    plane = np.zeros((4, 6), np.float32)
-    with pytest.raises(ValueError, match="strides"):
-        drive(loaded, [plane] * 3, (1, 1, 1), plane.T)

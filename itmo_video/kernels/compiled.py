@@ -22,13 +22,11 @@ _BLOCK_ROOM = 2 * 1024 + 32  # HEADER_ROOM for both blocks, zlib's own bytes and
 _AT_ONCE = 8  # AT_ONCE in guide.c
 
 
-def _at(array: npt.NDArray[Any] | None) -> int | None:
-    """Where an array begins, for a loop that knows of no gaps; ValueError where it has some."""
-    if array is None:
-        return None
-    if not array.flags.c_contiguous:
-        raise ValueError(f"an array of shape {array.shape} has strides {array.strides}")
-    return array.ctypes.data
+def _alike(*arrays: npt.NDArray[Any] | None) -> None:
+    """ValueError unless all arrays, None apart, are of one shape: C would read past the least."""
+    shapes = {array.shape for array in arrays if array is not None}
+    if len(shapes) > 1:
+        raise ValueError(f"arrays of different shapes: {', '.join(map(str, sorted(shapes)))}")
 
 
 def _whole(plane: npt.NDArray[Any]) -> Float32:
@@ -48,7 +46,7 @@ def pack_literals(loaded: ctypes.CDLL, rows: Bytes2D) -> list[bytes]:
         raise ValueError(f"rows of shape {rows.shape} cannot be packed")
     out = np.empty(count * (size * 14 // 8 + _BLOCK_ROOM), np.uint8)
     ends = np.empty(count, np.int64)
-    loaded.itmo_pack_literals(_at(rows), count, size, _at(out), _at(ends))
+    loaded.itmo_pack_literals(rows, count, size, out, ends)
     starts = [0, *ends[:-1].tolist()]
     return [out[a:b].tobytes() for a, b in zip(starts, ends.tolist(), strict=True)]
 
@@ -73,17 +71,27 @@ def ycbcr_rows(
     """
     luma, cb, cr = (_in_lines(plane) for plane in planes)
     height, width = cb.shape
+    if len({plane.dtype for plane in (luma, cb, cr)}) > 1:
+        raise TypeError("luma and chroma have codes of different sizes")
+    _alike(cb, cr)
+    _check_rows(rows, luma)
+    _alike(luma[rows], *out)
     strides = np.array([cb.strides[0], cr.strides[0]], np.int64)
     across, down = (-1 if site is None else round(2 * site) for site in sites)
     scratch = np.empty(5 * width + 2 + luma.shape[1], np.float32)
     level, factor = np.array(levels, np.float32), np.array(matrix, np.float32)
     loaded.itmo_ycbcr_rows(
-        luma.ctypes.data, cb.ctypes.data, cr.ctypes.data,
-        luma.strides[0], _at(strides), luma.itemsize,
+        luma, cb, cr,
+        luma.strides[0], strides, luma.itemsize,
         luma.shape[1], width, height, rows.start, rows.stop - rows.start, across, down,
-        _at(level), _at(factor), exponent or 0, _at(scratch),
-        *(_at(plane) for plane in out),
+        level, factor, exponent or 0, scratch,
+        *out,
     )  # fmt: skip
+
+
+def _check_rows(rows: slice, plane: npt.NDArray[Any]) -> None:
+    if not 0 <= rows.start <= rows.stop <= plane.shape[0]:
+        raise ValueError(f"rows {rows.start} to {rows.stop} of {plane.shape[0]}")
 
 
 def _in_lines(plane: Plane) -> Plane:
@@ -106,9 +114,10 @@ def drive(
     """
     out = np.empty_like(rgb[0]) if out is None else out
     factor = np.array(weights, np.float32)
+    _alike(*rgb, ratio, out)
     loaded.itmo_drive(
-        *(_at(plane) for plane in rgb), _at(factor),
-        _at(ratio), out.size, _at(out),
+        *rgb, factor,
+        ratio, out.size, out,
     )  # fmt: skip
     return out
 
@@ -123,10 +132,11 @@ def camera_model(
     ridge: float,
 ) -> Float64:
     """`warp.camera_model` of float64 arrays, in one order of sums on all machines: (3, 2)."""
+    _alike(across, down, texture, *vectors)
     scales, weight, model = np.array(sigmas), np.empty(texture.size), np.empty((2, 3))
     loaded.itmo_camera_model(
-        _at(across), _at(down), _at(vectors), _at(texture), texture.size,
-        _at(scales), scales.size, ridge, _at(weight), _at(model),
+        across, down, vectors, texture, texture.size,
+        scales, scales.size, ridge, weight, model,
     )  # fmt: skip
     return model.T
 
@@ -143,13 +153,14 @@ def guided_coefficients(
     is_same = map_small is guide_small
     guide_small = _whole(guide_small)
     map_small = guide_small if is_same else _whole(map_small)
+    _alike(map_small, guide_small, share)
     height, width = guide_small.shape
     scratch = np.empty(4 * (3 * width + 2 * radius_px + 1), np.float64)
     between_a, between_b, a, b = np.empty((4, height, width), np.float32)
     loaded.itmo_guided_coefficients(
-        _at(map_small), _at(guide_small), height, width,
-        radius_px, epsilon, _at(share), _at(scratch),
-        _at(between_a), _at(between_b), _at(a), _at(b),
+        map_small, guide_small, height, width,
+        radius_px, epsilon, share, scratch,
+        between_a, between_b, a, b,
     )  # fmt: skip
     return a, b
 
@@ -173,6 +184,8 @@ def guide_rows(
     """
     above, parts = between
     luma, small = _in_lines(luma), _whole(small)
+    _alike(above, parts)
+    _check_rows(slice(rows.start, rows.start + len(above)), luma)
     count, (planes, h, w), (height, width) = len(above), small.shape, luma.shape
     starts, shares = _columns_between(w, width)
     ratio = np.empty((count, width), np.float32) if guards else None
@@ -182,12 +195,12 @@ def guide_rows(
     )
     black, span = levels
     loaded.itmo_guide_rows(
-        luma.ctypes.data, luma.strides[0], luma.itemsize, 1 / span, -black / span,
+        luma, luma.strides[0], luma.itemsize, 1 / span, -black / span,
         height, rows.start, count, width,
-        _at(small), planes, h, w,
-        _at(above), _at(parts), _at(starts), _at(shares),
-        guards, edge_aware, _at(scratch),
-        _at(ratio), _at(maps),
+        small, planes, h, w,
+        above, parts, starts, shares,
+        guards, edge_aware, scratch,
+        ratio, maps,
     )  # fmt: skip
     return list(maps), ratio
 
@@ -198,7 +211,7 @@ def gain_banterle2006(
     """A new array, `factor` / (sqrt(rest^2 + slope * luminance) + rest), rest 1 - luminance."""
     luminance = _whole(luminance)
     out = np.empty_like(luminance)
-    loaded.itmo_gain_banterle2006(_at(luminance), slope, factor, out.size, _at(out))
+    loaded.itmo_gain_banterle2006(luminance, slope, factor, out.size, out)
     return out
 
 
@@ -218,13 +231,14 @@ def gain_auto(
     """
     planes = [_whole(plane) for plane in rgb]
     smoothed = None if ratio is None else _whole(ratio)
-    weights = [_at(part) for part in map(_whole, maps)] or [None] * 4
+    weights: list[Float32 | None] = [*map(_whole, maps)] or [None] * 4
+    _alike(*planes, smoothed, *weights)
     out = [np.empty_like(plane) for plane in planes]
     numbers = np.array([*gate, *steep, l_max], np.float32)
     loaded.itmo_gain_auto(
-        *(_at(plane) for plane in planes), _at(smoothed),
-        *weights, _at(numbers), planes[0].size,
-        *(_at(plane) for plane in out),
+        *planes, smoothed,
+        *weights, numbers, planes[0].size,
+        *out,
     )  # fmt: skip
     return out
 
@@ -244,10 +258,11 @@ def expand(
     becomes infinite.
     """
     gain, weight = _whole(gain), _whole(weight)
+    _alike(*rgb, gain, weight, *out)
     loaded.itmo_expand(
-        *(_at(plane) for plane in rgb), _at(gain), _at(weight),
+        *rgb, gain, weight,
         base, strength, 1 + strength * (base - 1), gain.size,
-        *(_at(plane) for plane in out),
+        *out,
     )  # fmt: skip
 
 

@@ -6,23 +6,59 @@ import ctypes
 import functools
 import sys
 from pathlib import Path
+from typing import Any
 
-_VERSION = 9  # of the loops
+import numpy as np
+import numpy.typing as npt
+
+_VERSION = 9  # of the kernels
 
 
-_TYPES = {"p": ctypes.c_void_p, "n": ctypes.c_int64, "f": ctypes.c_float, "d": ctypes.c_double}
+class _Array:
+    """An argument that is an array of one dtype without gaps, or None; else ctypes raises."""
+
+    def __init__(self, dtype: npt.DTypeLike) -> None:
+        self._dtype = np.dtype(dtype)
+
+    def from_param(self, array: npt.NDArray[Any] | None) -> ctypes.c_void_p | None:
+        if array is None:
+            return None
+        if array.dtype != self._dtype:
+            raise TypeError(f"an array is {array.dtype}, not {self._dtype}")
+        if not array.flags.c_contiguous:
+            raise ValueError(f"an array of shape {array.shape} has strides {array.strides}")
+        return ctypes.c_void_p(array.ctypes.data)
 
 
+class _Lines:
+    """An argument that is a plane whose lines have no gaps in them, but may between them."""
+
+    def from_param(self, plane: npt.NDArray[Any]) -> ctypes.c_void_p:
+        if plane.dtype.kind not in "uf" or plane.itemsize > 4 or not plane.dtype.isnative:
+            raise TypeError(f"a plane is {plane.dtype}")
+        if plane.ndim != 2 or plane.strides[1] != plane.itemsize:
+            raise ValueError(f"a plane of shape {plane.shape} has strides {plane.strides}")
+        return ctypes.c_void_p(plane.ctypes.data)
+
+
+_TYPES: dict[str, Any] = {
+    "n": ctypes.c_int64, "f": ctypes.c_float, "d": ctypes.c_double, "p": _Lines(),
+    "B": _Array(np.uint8), "I": _Array(np.int32), "L": _Array(np.int64),
+    "H": _Array(np.float16), "F": _Array(np.float32), "D": _Array(np.float64),
+}  # fmt: skip
+
+
+# As loops.h has them (tests/test_native.py compares): lower case is a number or a plane's lines.
 _ARGUMENTS = {
-    "pack_literals": "pnnpp",
-    "ycbcr_rows": "pppnpn" + "nnnnnnn" + "ppfp" + "ppp",
-    "drive": "pppppnp",
-    "camera_model": "ppppn" + "pndpp",
-    "guided_coefficients": "ppnnnfpp" + "pppp",
-    "guide_rows": "pnnff" + "nnnn" + "pnnn" + "pppp" + "nnp" + "pp",
-    "gain_banterle2006": "pffnp",
-    "gain_auto": "ppp" + "p" + "pppp" + "pn" + "ppp",
-    "expand": "ppppp" + "fffn" + "ppp",
+    "pack_literals": "BnnBL",
+    "ycbcr_rows": "pppnLn" + "nnnnnnn" + "FFfF" + "FFF",
+    "drive": "FFFFFnF",
+    "camera_model": "DDDDn" + "DndDD",
+    "guided_coefficients": "FFnnnfFD" + "FFFF",
+    "guide_rows": "pnnff" + "nnnn" + "Fnnn" + "LFIF" + "nnF" + "FF",
+    "gain_banterle2006": "FffnF",
+    "gain_auto": "FFF" + "F" + "FFFF" + "Fn" + "FFF",
+    "expand": "FFFFF" + "fffn" + "HHH",
 }
 
 

@@ -1,5 +1,5 @@
-/* What the loops share. They do what NumPy and OpenCV do not; native.py loads them and says what
-   each promises.
+/* What the kernels share, and their prototypes. They do what NumPy and OpenCV do not; library.py
+   loads them, compiled.py says what each promises.
 
    Plain C11 on arrays: no Python, no allocation, no state, so that threads may call at will. */
 
@@ -30,5 +30,37 @@ INLINE float between(float value, float least, float most)
     value = value > least ? value : least;
     return value < most ? value : most;
 }
+
+/* library.py's table has the same arguments; a test compares. */
+void itmo_pack_literals(const uint8_t *rows, int64_t count, int64_t size, uint8_t *out,
+    int64_t *ends);
+void itmo_guided_coefficients(const float *map, const float *guide, int64_t h, int64_t w,
+    int64_t radius, float epsilon, const float *share, double *scratch, float *between_a,
+    float *between_b, float *out_a, float *out_b);
+void itmo_guide_rows(const uint8_t *luma, int64_t stride, int64_t bytes, float scale,
+    float offset, int64_t height, int64_t top, int64_t rows, int64_t width, const float *small,
+    int64_t planes, int64_t h, int64_t w, const int64_t *above, const float *parts,
+    const int32_t *starts, const float *shares, int64_t guards, int64_t edge_aware,
+    float *scratch, float *ratio, float *maps);
+void itmo_ycbcr_rows(const uint8_t *luma, const uint8_t *cb, const uint8_t *cr,
+    int64_t luma_stride, const int64_t *chroma_strides, int64_t bytes, int64_t width,
+    int64_t chroma_width, int64_t chroma_height, int64_t first, int64_t rows, int64_t site_x,
+    int64_t site_y, const float *levels, const float *matrix, float exponent, float *scratch,
+    float *red, float *green, float *blue);
+void itmo_drive(const float *red, const float *green, const float *blue, const float *weights,
+    const float *ratio, int64_t count, float *restrict out);
+void itmo_gain_banterle2006(const float *luminance, float slope, float factor, int64_t count,
+    float *restrict out);
+void itmo_gain_auto(const float *red, const float *green, const float *blue, const float *ratio,
+    const float *map_red, const float *map_green, const float *map_blue, const float *map_curve,
+    const float *n, int64_t count, float *restrict out_red, float *restrict out_green,
+    float *restrict out_blue);
+void itmo_expand(const float *red, const float *green, const float *blue, const float *gain,
+    const float *map, float base, float strength, float rest, int64_t count, uint16_t *red_out,
+    uint16_t *green_out, uint16_t *blue_out);
+void itmo_camera_model(const double *across, const double *down, const double *vectors,
+    const double *texture, int64_t count, const double *sigmas, int64_t rounds, double ridge,
+    double *weight, double *model);
+int itmo_version(void);
 
 #endif
