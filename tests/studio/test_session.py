@@ -137,3 +137,11 @@ def test_reduced_keeps_the_subsampling(session: Session) -> None:
     planes = (frame.planes[0], frame.planes[1][:32, :48], frame.planes[2][:32, :48])
     small = reduced(dataclasses.replace(frame, planes=planes), 4)
     assert [plane.shape for plane in small.planes] == [(16, 24), (8, 12), (8, 12)]
+
+
+def test_a_shots_own_map_is_shown(clip: Path, session: Session, tmp_path: Path) -> None:
+    """A shot may have another radius, operator or key interval, as a conversion makes it."""
+    base = make_settings()
+    own = make_settings(operator="banterle2006", radius=9.0, key_interval=3, smooth_keys=1)
+    shown = session.picture(5, make_look(base), make_look(own))
+    assert np.array_equal(shown.planes, written(clip, tmp_path, own, 6))
