@@ -12,9 +12,11 @@ from types import FrameType
 from typing import Any, NoReturn
 
 from itmo_video.cli.analyse import add_analyse
+from itmo_video.cli.completion import add_completion
 from itmo_video.cli.convert import add_convert
 from itmo_video.cli.evaluate import add_evaluate
 from itmo_video.cli.info import add_info
+from itmo_video.cli.manual import add_manual
 from itmo_video.cli.outcome import interrupted, out_of_memory, reported, unexpected
 from itmo_video.cli.preview import add_preview
 from itmo_video.cli.report import add_report
@@ -90,6 +92,8 @@ def _parser() -> argparse.ArgumentParser:
     add_info(commands)
     add_studio(commands)
     add_variants(commands)
+    add_completion(commands, parser)
+    add_manual(commands, parser)
     return parser
 
 
