@@ -22,7 +22,8 @@ from itmo_video.studio.session import Session, StaleError, reduced
 
 OTHERS: dict[str, Any] = {
     "operator": "linear", "l_max": 9.0, "peak_nits": 400.0, "white_nits": 100.0, "l_white": 2.0,
-    "alpha": 0.3, "expand_map": False, "strength": 0.5, "over_white": "keep", "lights": 64,
+    "alpha": 0.3, "footage": "tone-mapped", "hue": "keep", "lamps": 3.0,
+    "expand_map": False, "strength": 0.5, "over_white": "keep", "lights": 64,
     "radius": 30.0, "min_lights": 1, "soft_lights": True, "map_width": 48, "key_interval": 3,
     "temporal": "blend", "smooth_keys": 2, "edge_aware": False, "noise_guard": True,
     "projection": "latlong", "transfer": "gamma22", "range": "limited", "primaries": "rec2020",
@@ -96,7 +97,7 @@ def test_half_size_is_like_the_whole(session: Session) -> None:
 
 
 def test_the_source_and_the_layers(clip: Path, session: Session, tmp_path: Path) -> None:
-    settings = make_settings(layers=("expand_map", "gain", "clip_mask"))
+    settings = make_settings("paper", layers=("expand_map", "gain", "clip_mask"))
     look = make_look(settings)
     convert(clip, tmp_path, settings, RunOptions(frames="7", jobs=1))
     channels = read_exr(tmp_path / f"{clip.stem}.0007.exr").channels
