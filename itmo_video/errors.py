@@ -49,6 +49,10 @@ class DamagedInputError(ItmoError):
     exit_code = 4
 
 
+class ReplacedInputError(DamagedInputError):
+    """The input was changed or taken away while it was read: its end is not the end that it had."""
+
+
 class OutputError(ItmoError):
     """The output cannot be written: no space, no right, or another conversion's files."""
 

@@ -13,11 +13,12 @@ from concurrent.futures import (
     ThreadPoolExecutor,
     wait,
 )
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Protocol
 
 from itmo_video.colour.analysis_picture import analysis_size
-from itmo_video.errors import DamagedInputError
+from itmo_video.errors import DamagedInputError, ReplacedInputError
 from itmo_video.expand_map.key_map import make_key_map
 from itmo_video.look import Look
 from itmo_video.model import Float32, Frame
@@ -154,6 +155,8 @@ def spans_of(
                 yield analyse(frame, look.settings.map_width)
         except DamagedInputError as error:
             on_end(error)
+            if isinstance(error, ReplacedInputError):
+                raise  # what waits for later keys would lack those that the file had
 
     def key_map(analysed: Analysed) -> Float32:
         return make_map(analysed.frame, look)
@@ -169,10 +172,11 @@ def spans_of(
         pool,
         find_flow,
     )
-    for span in spans:
-        yield span
-        if span.frames[-1].index >= run.last:
-            return
+    with suppress(ReplacedInputError):  # told by on_end
+        for span in spans:
+            yield span
+            if span.frames[-1].index >= run.last:
+                return
 
 
 def render_span(

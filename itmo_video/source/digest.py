@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 import xxhash
 
-from itmo_video.errors import DamagedInputError, InputError
+from itmo_video.errors import InputError, ReplacedInputError
 from itmo_video.regular_file import open_regular
 from itmo_video.source import remembered
 
@@ -70,7 +70,7 @@ class SourceFiles:
         if now == before:
             return
         what = "was taken away" if now is None else "changed"
-        raise DamagedInputError(
+        raise ReplacedInputError(
             f"it {what} while it was read",
             where=os.fspath(path),
             remedy="Bring it back, then run the same command again.",
