@@ -120,7 +120,8 @@ export function control(spec, onSet) {
     : spec.kind === "tuple" ? layers : spec.kind === "bool" ? box
       : spec.choices.length ? choice : spec.kind === "str" ? words : numeric;
   const { parts, update } = kind(spec, onSet, id);
-  const label = make("label", { htmlFor: id, textContent: spec.label, title: `${spec.help} (${spec.flag})` });
+  const name = spec.label[0].toUpperCase() + spec.label.slice(1);
+  const label = make("label", { htmlFor: id, textContent: name, title: `${spec.help} (${spec.flag})` });
   const back = make("button", { type: "button", className: "reset", textContent: "↺",
     title: `Reset ${spec.label}` });
   back.setAttribute("aria-label", `Reset ${spec.label}`);

@@ -58,7 +58,8 @@ function update() {
   const { document: { preset }, document } = S.state;
   const shot = target(), mine = own();
   const settings = (shot === null ? null : document.shots[shot]?.settings) ?? document.settings;
-  const derived = { l_max: document.l_max, l_white: document.l_max, peak_nits: settings.peak_nits };
+  const most = settings.l_max ?? settings.peak_nits / settings.white_nits;
+  const derived = { l_max: most, l_white: most, peak_nits: settings.peak_nits };
   for (const spec of S.about.controls) {
     const one = made.get(spec.name);
     const value = spec.name in mine ? mine[spec.name] : settings[spec.name];

@@ -1,0 +1,67 @@
+"""Makes the pictures of docs/guide/studio.md: the studio on a sample clip, in three widths.
+
+python docs/guide/make_studio_pictures.py
+Needs the extra `test` and Chromium. The steps are those of the guide.
+"""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+ROOT = Path(__file__).resolve().parents[2]
+sys.path.insert(0, str(ROOT / "tests"))
+sys.path.insert(0, str(ROOT / "tests" / "studio"))
+
+from browser import chromium  # noqa: E402 - of the tests, found by the lines above
+from driven import Page, studio  # noqa: E402
+
+CLIP = ROOT / "sample_clips" / "cut_and_flash.mp4"
+IMAGES = ROOT / "docs" / "images"
+
+
+def shot(page: Page, name: str) -> None:
+    """Take a picture of the page."""
+    page.tab.wait_for_timeout(700)
+    page.tab.screenshot(path=str(IMAGES / f"studio_{name}.jpg"), type="jpeg", quality=82)
+
+
+def main() -> None:
+    """Walk through the guide."""
+    with TemporaryDirectory() as folder, chromium() as browser, studio(CLIP, Path(folder)) as at:
+        page = Page(browser, at)
+        tab = page.tab
+        page.go(6)
+        tab.keyboard.press("d")
+        page.settled()
+        page.probe(0.62, 0.4)
+        shot(page, "1600")
+        tab.keyboard.press("2")
+        shot(page, "false_colour")
+        tab.keyboard.press("1")
+        tab.keyboard.press("d")
+        tab.keyboard.press("ArrowDown")
+        page.settled()
+        tab.keyboard.press("q")
+        page.set("peak_nits", 2500)
+        shot(page, "shot")
+        tab.keyboard.press("v")
+        page.until(lambda: tab.locator("#sheet canvas").count() >= 3, "no variants")
+        tab.wait_for_timeout(3000)
+        shot(page, "variants")
+        tab.keyboard.press("Escape")
+        page.until(lambda: not tab.is_visible("#variants"), "it does not close")
+        tab.keyboard.press("r")
+        page.saved("preset", "look")
+        page.saved("shots", "shots")
+        shot(page, "save_and_render")
+        tab.keyboard.press("Escape")
+        tab.keyboard.press("d")
+        for width, height in ((420, 900), (2560, 1400)):
+            tab.set_viewport_size({"width": width, "height": height})
+            shot(page, str(width))
+
+
+if __name__ == "__main__":
+    main()
