@@ -7,7 +7,7 @@ import os
 import signal
 import socket
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 from itmo_video.conversion.convert import Job, Summary, frames_to_make, render_job
 from itmo_video.conversion.frame_ranges import format_ranges
@@ -15,6 +15,7 @@ from itmo_video.conversion.plan import ALGORITHM, Plan, ShotLook, make_plan
 from itmo_video.conversion.run_options import RunOptions
 from itmo_video.errors import ClusterError, DamagedInputError, InputError, ItmoError, OutputError
 from itmo_video.events import ignore
+from itmo_video.kernels.arithmetic import arithmetic
 from itmo_video.look import make_look
 from itmo_video.output.folder import OutputFolder, read_manifest
 from itmo_video.settings import Settings
@@ -39,6 +40,7 @@ class Chunk:
     run: RunOptions
     numbers: tuple[int, ...]
     algorithm: int = ALGORITHM
+    arithmetic: str = field(default_factory=arithmetic)
 
 
 @dataclass(frozen=True)
@@ -88,6 +90,13 @@ def make_chunk(chunk: Chunk) -> Outcome:
         raise ClusterError(
             f"the worker on {socket.gethostname()} has another version of itmo_video",
             remedy="Install the same version everywhere, then run the same command again.",
+        )
+    if chunk.arithmetic != arithmetic():
+        raise ClusterError(
+            f"the worker on {socket.gethostname()} computes otherwise ({arithmetic()}) than this"
+            f" run ({chunk.arithmetic}): its frames would differ",
+            remedy="Use workers of one kind of processor and build (itmo-video --version), then run"
+            " the same command again.",
         )
     clip = _clip(chunk)
     plan = make_plan(clip, make_look(chunk.settings), chunk.run)

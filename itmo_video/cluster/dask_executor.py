@@ -66,6 +66,7 @@ def _connected(address: str, job: Job) -> Iterator[Client]:
                 n_workers=job.run.jobs or default_jobs(),
                 threads_per_worker=1,
                 processes=True,
+                host="127.0.0.1",  # the scheduler and its workers are for this machine alone
                 dashboard_address="127.0.0.1:0",  # None would mean 8787 for all the world, if free
                 memory_limit=0,  # the pipeline bounds its own; a worker must not be killed for it
                 silence_logs=logging.CRITICAL,  # heartbeats to what has just been closed
@@ -80,7 +81,11 @@ def _connected(address: str, job: Job) -> Iterator[Client]:
     logging.getLogger("distributed.client").setLevel(logging.CRITICAL)
     try:
         client = Client(address, timeout=WAIT_S, set_as_default=False)
-    except (OSError, ValueError) as error:
+    except (ValueError, TypeError) as error:
+        raise UsageError(
+            f"not a scheduler's address: {error}", where=address, remedy="Such as tcp://host:8786."
+        ) from error
+    except OSError as error:
         raise ClusterError(
             "no scheduler answers", where=address, remedy=f"Start `dask scheduler`, then {AGAIN}"
         ) from error

@@ -16,6 +16,7 @@ from itmo_video.conversion import timecode
 from itmo_video.conversion.frame_ranges import format_ranges, parse_ranges
 from itmo_video.conversion.run_options import RunOptions
 from itmo_video.errors import UsageError
+from itmo_video.kernels.arithmetic import arithmetic
 from itmo_video.look import Look, make_look
 from itmo_video.model import ClipInfo
 from itmo_video.operators import version_of
@@ -97,6 +98,7 @@ class Plan:
     def manifest(self) -> Manifest:
         """Whose the output folder is."""
         settings = {**self.settings.as_dict(), "first_number": self.first_number}
+        settings["arithmetic"] = arithmetic()
         if self.shots:
             settings["shots"] = [
                 [shot.first, shot.last, _changed(self.settings, shot.look.settings)]
@@ -119,7 +121,9 @@ class Plan:
     @cached_property
     def _settings_texts(self) -> dict[int, str]:
         # By identity: a film has 150,000 frames and few looks, which the plan keeps alive.
-        common = {"source": self.clip.digest, "algorithm": ALGORITHM}
+        common = {
+            "source": self.clip.digest, "algorithm": ALGORITHM, "arithmetic": arithmetic()
+        }  # fmt: skip
         return {
             id(look): json.dumps(
                 {**look.settings.as_dict(), **common, **_operator_version(look)}, sort_keys=True
