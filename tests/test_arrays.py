@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterator
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +25,9 @@ from itmo_video import (
     make_settings,
     open_result,
 )
+from itmo_video.arrays.array_frames import _OF_FILES
 from itmo_video.colour.transfer import eotf
+from itmo_video.source.tags import InputOptions
 
 LIGHT = {"lights": 64, "radius": 64.0}
 PICTURE = next(iter(moving_scene(1)))
@@ -204,3 +207,9 @@ def test_a_result_is_a_mapping_and_says_what_is_not_there(tmp_path: Path) -> Non
         result[2]
     with pytest.raises(InputError, match="no conversion's folder"):
         open_result(tmp_path)
+
+
+def test_each_setting_that_says_how_files_are_read_is_used_or_refused() -> None:
+    reading = {f.name for f in fields(InputOptions)} & {f.name for f in fields(Settings)}
+    used = {"transfer", "force_sdr"}  # the second is of tags, which arrays do not have
+    assert reading == {*_OF_FILES, *used}

@@ -16,7 +16,7 @@ from itmo_video.settings import Settings
 
 PRIMARIES: tuple[Primaries, ...] = get_args(Primaries)
 _RATE = Fraction(24)  # arrays have no times, and nothing of a picture depends on them
-_OF_FILES = {"matrix": "auto", "range": "auto", "deinterlace": "auto", "fps": None, "stream": None}
+_OF_FILES = ("matrix", "range", "deinterlace", "fps", "stream", "raw")
 
 
 class ArrayFrames:
@@ -30,8 +30,9 @@ class ArrayFrames:
         bit_depth: int | None,
     ) -> None:
         """Raises UsageError for settings that arrays have no use for."""
-        for name, unset in _OF_FILES.items():
-            if getattr(settings, name) != unset:
+        plain = Settings()
+        for name in _OF_FILES:
+            if getattr(settings, name) != getattr(plain, name):
                 raise UsageError(
                     f"{name} says how files are read; arrays are RGB of full range",
                     remedy="Leave it as it is by default.",
