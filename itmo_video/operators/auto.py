@@ -58,6 +58,7 @@ def map_auto(rgb_linear: Float32, context: Context, wrap_x: bool = False) -> Flo
     maps[..., :3] = clipped_levels(rgb_linear, context.l_max, wrap_x)
     maps[..., :3] *= known_clipped(wide)[:, pad : pad + width]
     rendering = rendering_of(rgb_linear, context.footage)
+    maps[..., :3] *= np.float32(rendering.caution)
     weight = curve_weight(wide, rendering, context.lamps)
     maps[..., 3] = weight[:, pad : pad + width]
     return maps

@@ -55,6 +55,15 @@ class Rendering:
         return folded * _ramp(self.white, WHITE_LOW, WHITE_FULL)
 
     @property
+    def caution(self) -> float:
+        """What is kept of the network's stops: 0.8 where little clips, 1 from 8 % on.
+
+        Where little clips SDR is near the truth, and what is taken for more does the most harm: on
+        23 scenes that nothing was fitted to, the worst loss then halves for 0.1 dB of the mean.
+        """
+        return 0.8 + 0.2 * _ramp(self.clipped, 0.02, 0.08)
+
+    @property
     def night(self) -> float:
         """1 in the dark, 0 from ordinary middle tones on."""
         return 1 - _ramp(self.middle_code, DARK_CODE, ORDINARY_CODE)
