@@ -21,7 +21,7 @@ OUTPUT_PRIMARIES = ("rec709", "rec2020", "acescg", "aces2065-1")
 
 OF_CLIP = (
     "white_nits", "projection", "transfer", "matrix", "range", "deinterlace", "fps", "force_sdr",
-    "stream",
+    "stream", "raw",
     "primaries", "compression", "layers", "owner", "comments", "timecode",
 )  # fmt: skip
 """Settings that hold for a whole clip: how it is read, and what its files are; the others are its
