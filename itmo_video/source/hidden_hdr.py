@@ -80,7 +80,9 @@ def refuse(words: str, where: str, *, is_dolby: bool) -> AlreadyHdrError:
 
 def _side_data(frame: Any) -> list[str]:
     try:
-        return [str(side.type.name) for side in frame.side_data]
+        sides = frame.side_data
+        # By index: iterated, it gives keys from PyAV 19 on.
+        return [str(sides[index].type.name) for index in range(len(sides))]
     except ValueError:  # PyAV 18 does not know every kind of side data
         return []
 
