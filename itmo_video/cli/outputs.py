@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 from itmo_video.conversion.frame_ranges import format_ranges
 from itmo_video.errors import UsageError
-from itmo_video.output.folder import check_folder_name
+from itmo_video.output.folder_names import check_folder_name
 from itmo_video.source.numbered import together
 from itmo_video.source.stills import NUMBER_PATTERN
 

@@ -18,7 +18,8 @@ from itmo_video.events import Finished, FrameDone, OnEvent, Started, Warned, ign
 from itmo_video.look import make_look
 from itmo_video.model import Frame
 from itmo_video.output import disk_space, exr
-from itmo_video.output.folder import OutputFolder, check_folder_name, free_bytes
+from itmo_video.output.folder import OutputFolder, free_bytes
+from itmo_video.output.folder_names import check_folder_name
 from itmo_video.presets import make_settings
 from itmo_video.rendering import spans
 from itmo_video.rendering.frame import Rendered

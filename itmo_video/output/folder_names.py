@@ -1,0 +1,44 @@
+"""Names that people give where a folder is asked for, and that mean something else."""
+
+from __future__ import annotations
+
+import os
+
+from itmo_video.errors import UsageError
+from itmo_video.output.atomic import StrPath
+
+FILM_SUFFIXES = (
+    ".mp4", ".m4v", ".mov", ".mkv", ".webm", ".avi", ".mxf", ".ts", ".y4m", ".gif",
+)  # fmt: skip
+PICTURE_SUFFIXES = (
+    ".exr", ".hdr", ".png", ".jpg", ".jpeg", ".tif", ".tiff", ".avif", ".heic", ".jxl", ".webp",
+    ".dpx", ".bmp",
+)  # fmt: skip
+
+
+def check_folder_name(path: StrPath, source: StrPath = "INPUT") -> None:
+    """Raise UsageError for a name that means a film, a picture or a pipe; a folder may have any.
+
+    So may a name that ends in a slash. `source` is named in the remedy.
+    """
+    name, text = os.path.basename(path), os.fspath(path)
+    suffix = os.path.splitext(name)[1].lower()
+    if os.path.isdir(text) or text.endswith(("/", os.sep)):
+        return
+    if text == "-":
+        raise UsageError(
+            "EXR files go to a folder, not to standard output",
+            remedy=f"Name a folder; or make a film: itmo-video preview {source} film.mp4",
+        )
+    if suffix in FILM_SUFFIXES:
+        raise UsageError(
+            f"{name} is a film's name, and convert makes a folder of EXR files",
+            remedy=f"Did you mean: itmo-video preview {source} {text}, "
+            f"or the folder {os.path.splitext(text)[0]}/",
+        )
+    if suffix in PICTURE_SUFFIXES:
+        preview = "" if suffix == ".exr" else f"itmo-video preview {source} {text} --frame 1, or "
+        raise UsageError(
+            f"{name} is a picture's name, and convert makes a folder of numbered EXR files",
+            remedy=f"Did you mean: {preview}the folder {os.path.splitext(text)[0]}/",
+        )
