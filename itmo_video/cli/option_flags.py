@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
+import math
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any, TypeVar
@@ -77,7 +78,10 @@ def named_number(flag: str, text: str) -> tuple[str, float]:
     """Name and value of NAME=VALUE, as `flag` was given it; raises UsageError for anything else."""
     name, _, value = text.partition("=")
     try:
-        return name, float(value)
+        number = float(value)
+        if not math.isfinite(number):  # nothing is above NaN: a check would always pass
+            raise ValueError
+        return name, number
     except ValueError:
         raise UsageError(f"{flag}: {text!r} is not NAME=VALUE with a number") from None
 

@@ -129,6 +129,7 @@ class FilmWriter:
         muxer = _MUXERS[path.suffix.lower()]
         # A check sum of Matroska's would not know of the completed metadata.
         options = {"write_crc32": "0"} if muxer == "matroska" else {}
+        options["fflags"] = "+bitexact"  # else Matroska's identifiers are drawn by chance
         self._source: Sound | None = None
         try:
             self._box: Any = av.open(

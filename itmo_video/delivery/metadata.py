@@ -39,7 +39,7 @@ class Mastering:
     def for_x265(self) -> str:
         """x265's master-display: 1/50000 of a chromaticity, 1/10000 nit; green, blue, red."""
         rx, ry, gx, gy, bx, by, wx, wy = (round(v * 50000) for v in self.chromaticities)
-        top, low = round(self.peak_nits * 10000), round(self.black_nits * 10000)
+        top, low = in_32_bits(self.peak_nits), in_32_bits(self.black_nits)
         return f"G({gx},{gy})B({bx},{by})R({rx},{ry})WP({wx},{wy})L({top},{low})"
 
     def for_svt(self) -> str:
@@ -53,13 +53,18 @@ class Mastering:
     def box(self) -> bytes:
         """The payload of an `mdcv` box or PNG's mDCV chunk without its order: see callers."""
         rx, ry, gx, gy, bx, by, wx, wy = (round(v * 50000) for v in self.chromaticities)
-        top, low = round(self.peak_nits * 10000), round(self.black_nits * 10000)
+        top, low = in_32_bits(self.peak_nits), in_32_bits(self.black_nits)
         return struct.pack(">8H2I", gx, gy, bx, by, rx, ry, wx, wy, top, low)
 
     def png_chunk(self) -> bytes:
         """The payload of PNG's mDCV chunk (PNG 3rd edition, 11.3.2.7): red, green, blue, white."""
         xy = (round(v * 50000) for v in self.chromaticities)
-        return struct.pack(">8H2I", *xy, round(self.peak_nits * 1e4), round(self.black_nits * 1e4))
+        return struct.pack(">8H2I", *xy, in_32_bits(self.peak_nits), in_32_bits(self.black_nits))
+
+
+def in_32_bits(nits: float) -> int:
+    """1/10000 nit, as the field has it: 429,496.7295 nits at most."""
+    return min(round(nits * 10000), 2**32 - 1)
 
 
 def complete_light(path: Path, codec: str, light: Light) -> int:

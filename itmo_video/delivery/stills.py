@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 
 from itmo_video.delivery import hdr
-from itmo_video.delivery.metadata import Mastering
+from itmo_video.delivery.metadata import Mastering, in_32_bits
 from itmo_video.delivery.sdr import Picture
 
 _PNG_HEAD = 8 + 25  # the signature and the IHDR chunk, which always comes first
@@ -29,7 +29,8 @@ def png_pq(rgb_code: hdr.Planes, mastering: Mastering, light: hdr.Light) -> byte
         _chunk(b"cICP", bytes((9, 16, 0, 1)))
         + _chunk(b"mDCV", mastering.png_chunk())
         + _chunk(
-            b"cLLI", struct.pack(">2I", *(round(v * 1e4) for v in (light.peak, light.average)))
+            b"cLLI",
+            struct.pack(">2I", *map(in_32_bits, (light.peak, light.average))),
         )
     )
     return data[:_PNG_HEAD] + chunks + data[_PNG_HEAD:]

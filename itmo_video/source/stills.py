@@ -20,6 +20,7 @@ from itmo_video.source.still_reading import kind_of, read_still
 from itmo_video.source.tags import InputOptions
 from itmo_video.words import missing
 
+_LONGEST = 10_000_000  # frames of a sequence, gaps counted: 100 hours
 STILL_RATE = Fraction(24)  # images have no rate of their own
 NUMBER_PATTERN = re.compile(r"%0?(\d*)d|#+")
 
@@ -51,6 +52,12 @@ class StillClip(Clip):
         self._ahead = {self._first + frame.index: found}  # whoever reads it first has it
         self._alpha, self._size = frame.encoding.has_alpha, frame.size
         count = max(self._files) - self._first + 1
+        if count > _LONGEST:
+            raise InputError(
+                f"its numbers span {count} frames, more than {_LONGEST}",
+                where=str(path),
+                remedy="Put files with other numbers elsewhere.",
+            )
         notices = [*picture.notices, *told]
         turn = picture.turn
         if turn != (0, False):
