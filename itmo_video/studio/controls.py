@@ -22,7 +22,7 @@ GROUPS: dict[str, tuple[str, ...]] = {
     "File": ("primaries", "compression", "layers", "owner", "comments", "timecode"),
 }  # fmt: skip
 # They change which frames there are, which an open clip's time line does not follow.
-LEFT_OUT = ("fps", "deinterlace", "stream")
+LEFT_OUT = ("fps", "deinterlace", "stream", "raw")
 
 
 def controls() -> list[dict[str, Any]]:

@@ -22,7 +22,7 @@ USUAL: dict[str, tuple[float, float]] = {
     "lights": (64, 4096), "key_interval": (1, 24),
 }  # fmt: skip
 _OF_THE_FILE = ("primaries", "compression", "layers", "owner", "comments", "timecode")
-_OF_READING = ("fps", "stream", "deinterlace", "force_sdr")
+_OF_READING = ("fps", "stream", "raw", "deinterlace", "force_sdr")
 
 
 @dataclass(frozen=True)

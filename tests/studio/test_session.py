@@ -79,7 +79,7 @@ def test_what_is_remembered_is_never_a_wrong_answer(
 
 def test_every_setting_of_the_look_is_tried() -> None:
     of_the_file = {"compression", "layers", "owner", "comments", "timecode"}
-    of_reading = {"fps", "deinterlace", "matrix", "force_sdr", "stream"}
+    of_reading = {"fps", "deinterlace", "matrix", "force_sdr", "stream", "raw"}
     of_operators = {"operator_params"}
     known = {f.name for f in dataclasses.fields(Settings)}
     assert known - of_the_file - of_reading - of_operators == set(OTHERS), (
