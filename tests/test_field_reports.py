@@ -144,6 +144,9 @@ def test_12_the_default_stream_is_read_and_told() -> None:
 def test_15_a_sequence_lasts_as_long_as_its_clip() -> None:
     film = open_clip(report("15_frames_per_second/soft_telecine.mpg")).info
     assert film.frame_rate == Fraction(24000, 1001)
+    frames = list(open_clip(report("15_frames_per_second/soft_telecine.mpg")).frames())
+    assert len(frames) == 60
+    assert not any(frame.is_damaged for frame in frames)
     screen = open_clip(report("15_frames_per_second/screen_vfr.mkv")).info
     assert float(screen.frame_rate) == pytest.approx(26.97, abs=0.005)
     assert screen.frames / screen.frame_rate == screen.duration_s

@@ -44,11 +44,12 @@ class Stretches:
         self._count = len(self._packets.pts)
         self._entries = self._thinned()
         self._reach = self._reaches()
+        self._is_judged = not self._fails_everywhere()
 
     def frames(self, start: int) -> Iterator[Numbered]:
         """Frames from index `start` on, rising; those that do not decode leave gaps."""
         while start < self._count:
-            if self._decoder.codec in _TOLD:
+            if self._decoder.codec in _TOLD and self._is_judged:
                 for item in self._sound(start, self._count, "strict", []):
                     start = item[0] + 1
                     yield item
@@ -59,10 +60,24 @@ class Stretches:
                 yield item
             start = end
 
+    def _fails_everywhere(self) -> bool:
+        """Whether MPEG-2 decodes nowhere strictly: its pictures lack the last row of slices.
+
+        Some encoders leave it out where the height is cropped, and players ignore that.
+        """
+        if self._decoder.codec != "mpeg2video" or not self._entries:
+            return False
+        last = len(self._entries) - 1
+        for at in sorted({0, last // 2, last}):
+            found = self._decoder.decoded(self._entries[at], "strict", lambda packet: True)
+            if next(found, None) is not None:
+                return False
+        return True
+
     def _alone(self, start: int, end: int) -> Iterator[Numbered]:
         """A stretch, or its end, by one thread: strictly while it is sound, then past damage."""
         errors: list[int] = []
-        for item in self._sound(start, end, "strict", errors):
+        for item in self._sound(start, end, "strict", errors) if self._is_judged else ():
             start = item[0] + 1
             yield _copied(item)
         if start >= end:
