@@ -168,40 +168,54 @@ INLINE void gain_block(const float *const *rgb, const float *ratio, const float 
                        const float *n, int64_t size, float *const *out)
 {
     enum { BLOCK = 64 };
-    float curve[BLOCK] = {0}, own[3][BLOCK];
+    float curve[BLOCK] = {0}, own[3][BLOCK], common[BLOCK], even[BLOCK];
     float peak = log_two(n[8]), slope = 4 / (n[8] * n[8]), open = 1 / (n[4] - n[3]);
-    float per_apart = 1 / (n[6] - n[5]);
-    if (maps[3])
+    float per_apart = 1 / (n[6] - n[5]), from = n[5], apart = n[7];
+    float centre = n[1], steep = n[2], low = n[3];
+    const float *red = rgb[0], *green = rgb[1], *blue = rgb[2], *weights = maps[3];
+    for (int64_t x = 0; x < size; x++)
+        even[x] = 1;
+    for (int64_t x = 0; ratio && x < size; x++)
+        even[x] = between(ratio[x], 0.7f, 2);
+    for (int64_t x = 0; weights && x < size; x++) {
+        float r = between(red[x], 0, 1), g = between(green[x], 0, 1), b = between(blue[x], 0, 1);
+        float greatest = r > g ? r : g, weight = weights[x] * 2.5f;
+        greatest = greatest > b ? greatest : b;
+        float light = (r * 0.213f + g * 0.715f + b * 0.072f + greatest) * 0.5f * even[x];
+        light = between(light, 2e-3f, 1);
+        float rest = 1 - light;
+        float gain = log_two(2 / (sqrtf(rest * rest + slope * light) + rest));
+        float room = peak - log_two(between(greatest * even[x], 2e-3f, 1)) - gain;
+        room = room > 0 ? room : 0;
+        float more = (weight > 1 ? weight - 1 : 0) * gain;
+        float bent = (weight < 1 ? weight : 1) * gain + room * more / (room + more + 1e-6f);
+        float most = peak - log_two(greatest > 2e-3f ? greatest : 2e-3f);
+        curve[x] = between(bent, 0, most);
+    }
+    for (int c = 0; c < 3; c++) {
+        const float *plane = rgb[c], *map = maps[c];
+        for (int64_t x = 0; x < size; x++)
+            own[c][x] = peak;
+        for (int64_t x = 0; map && x < size; x++)
+            own[c][x] = peak * map[x];
         for (int64_t x = 0; x < size; x++) {
-            float r = between(rgb[0][x], 0, 1), g = between(rgb[1][x], 0, 1);
-            float b = between(rgb[2][x], 0, 1), greatest = r > g ? r : g;
-            greatest = greatest > b ? greatest : b;
-            float even = ratio ? between(ratio[x], 0.7f, 2) : 1, weight = maps[3][x] * 2.5f;
-            float light = (r * 0.213f + g * 0.715f + b * 0.072f + greatest) * 0.5f * even;
-            light = between(light, 2e-3f, 1);
-            float rest = 1 - light;
-            float gain = log_two(2 / (sqrtf(rest * rest + slope * light) + rest));
-            float room = peak - log_two(between(greatest * even, 2e-3f, 1)) - gain;
-            room = room > 0 ? room : 0;
-            float more = (weight > 1 ? weight - 1 : 0) * gain;
-            float bent = (weight < 1 ? weight : 1) * gain + room * more / (room + more + 1e-6f);
-            float most = peak - log_two(greatest > 2e-3f ? greatest : 2e-3f);
-            curve[x] = between(bent, 0, most);
-        }
-    for (int c = 0; c < 3; c++)
-        for (int64_t x = 0; x < size; x++) {
-            float light = between(rgb[c][x], 0, 1), closed = (n[1] - light) * n[2];
-            float gate = 1 / (1 + two_to(closed, nearest(closed))) - n[3];
-            float known = (maps[c] ? peak * maps[c][x] : peak) - curve[x];
+            float light = between(plane[x], 0, 1), closed = (centre - light) * steep;
+            float gate = 1 / (1 + two_to(closed, nearest(closed))) - low;
+            float known = own[c][x] - curve[x];
             own[c][x] = (known > 0 ? known : 0) * ((gate > 0 ? gate : 0) * open);
         }
+    }
     for (int64_t x = 0; x < size; x++) {
-        float common = own[0][x] < own[1][x] ? own[0][x] : own[1][x];
-        common = common < own[2][x] ? common : own[2][x];
-        for (int c = 0; c < 3; c++) {
-            float t = between((rgb[c][x] - n[5]) * per_apart, 0, 1);
-            float total = curve[x] + common + (own[c][x] - common) * (t * t * (3 - 2 * t) * n[7]);
-            out[c][x] = two_to(total, nearest(total));
+        float least = own[0][x] < own[1][x] ? own[0][x] : own[1][x];
+        common[x] = least < own[2][x] ? least : own[2][x];
+    }
+    for (int c = 0; c < 3; c++) {
+        const float *plane = rgb[c];
+        float *restrict to = out[c];
+        for (int64_t x = 0; x < size; x++) {
+            float t = between((plane[x] - from) * per_apart, 0, 1);
+            float total = curve[x] + common[x] + (own[c][x] - common[x]) * (t * t * (3 - 2 * t) * apart);
+            to[x] = two_to(total, nearest(total));
         }
     }
 }
