@@ -222,19 +222,21 @@ def gain_auto(
     maps: Sequence[Float32],
     gate: tuple[float, float, float, float, float],
     steep: tuple[float, float, float],
+    bound: tuple[float, float, float],
     l_max: float,
 ) -> list[Float32]:
     """The gains of three planes as `operators.auto.gain_auto` has them: new arrays.
 
     `gate` is (from, centre, slope of a power of two, low, white) of a channel's opening, `steep`
-    where a channel parts from the others, wholly, and whether it may; `maps` four or none.
+    where a channel parts from the others, wholly, and whether it may, `bound` how far it may beside
+    an unclipped one, and between which two levels that one counts as clipped; `maps` four or none.
     """
     planes = [_whole(plane) for plane in rgb]
     smoothed = None if ratio is None else _whole(ratio)
     weights: list[Float32 | None] = [*map(_whole, maps)] or [None] * 4
     _alike(*planes, smoothed, *weights)
     out = [np.empty_like(plane) for plane in planes]
-    numbers = np.array([*gate, *steep, l_max], np.float32)
+    numbers = np.array([*gate, *steep, l_max, *bound], np.float32)
     loaded.itmo_gain_auto(
         *planes, smoothed,
         *weights, numbers, planes[0].size,

@@ -39,6 +39,8 @@ _OPEN_LOW, _OPEN_WHITE = (
 )
 APART_FROM, APART_WHOLLY = 0.97, 0.983  # light at which a channel may part from the others
 RATIO_LOW, RATIO_HIGH = 0.7, 2.0  # of smoothed over given light: small lamps stay bright
+APART_STOPS = 0.7  # that a channel may part more, a stop that it stands above the second
+CLIPS_FROM, CLIPS_WHOLLY = 0.88, 0.96  # light at which the second has clipped, too
 LEAST_LIGHT = 2e-3
 # Texture is not lifted with the light that falls on it: eq. 11's argument is smoothed over it.
 TEXTURE = Guard(radius_px=21, epsilon=0.02)
@@ -76,7 +78,8 @@ def gain_auto(
     if (loaded := library.library()) is not None:
         gate = OPEN_FROM, OPEN_CENTRE, OPEN_SLOPE / math.log(2), _OPEN_LOW, _OPEN_WHITE
         steep = (APART_FROM, APART_WHOLLY, float(apart))
-        return compiled.gain_auto(loaded, rgb, ratio, maps, gate, steep, l_max)
+        bound = (APART_STOPS, CLIPS_FROM, CLIPS_WHOLLY)
+        return compiled.gain_auto(loaded, rgb, ratio, maps, gate, steep, bound, l_max)
     peak_stops = np.float32(math.log2(l_max))
     limited = [np.clip(plane, 0, 1) for plane in rgb]
     curve: Float32 | np.float32 = np.float32(0)
@@ -99,15 +102,32 @@ def gain_auto(
         gate = np.maximum(gate - np.float32(_OPEN_LOW), 0)
         stops.append(np.maximum(known - curve, 0) * gate / np.float32(_OPEN_WHITE - _OPEN_LOW))
     common = np.minimum(np.minimum(stops[0], stops[1]), stops[2])
+    bounds = _stops_apart(limited, peak_stops)
     gains = []
-    for plane, own in zip(limited, stops, strict=True):
+    for plane, own, most in zip(limited, stops, bounds, strict=True):
         total = curve + common
         if apart:
             t = (plane - np.float32(APART_FROM)) * np.float32(1 / (APART_WHOLLY - APART_FROM))
             t = np.clip(t, 0, 1)
-            total = total + (own - common) * (t * t * (np.float32(3) - np.float32(2) * t))
+            parted = np.minimum(own - common, most)
+            total = total + parted * (t * t * (np.float32(3) - np.float32(2) * t))
         gains.append(np.asarray(np.exp2(total), np.float32))
     return gains
+
+
+def _stops_apart(limited: Sequence[Float32], peak_stops: np.float32) -> list[Float32]:
+    """How far each channel may part from the others: a bound in stops, float32 of their shape.
+
+    Beside two that did not clip it may go on by APART_STOPS of what it stands above the second
+    already: a sky's blue that clips a little stays that sky's. Where the second is near white, it
+    tells nothing, and there is no bound.
+    """
+    second = np.median(np.stack(list(limited)), axis=0)
+    near = np.clip((second - np.float32(CLIPS_FROM)) / np.float32(CLIPS_WHOLLY - CLIPS_FROM), 0, 1)
+    free = near * near * (np.float32(3) - np.float32(2) * near) * peak_stops
+    dark = np.float32(1e-3)
+    beside = [np.log2(np.maximum(p, dark) / np.maximum(second, dark)) for p in limited]
+    return [free + np.float32(APART_STOPS) * np.maximum(stops, 0) for stops in beside]
 
 
 def curve_auto(luminance: Floats, context: Context) -> Floats:

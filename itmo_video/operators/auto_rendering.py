@@ -20,6 +20,7 @@ from itmo_video.model import Float32
 
 CLIPPED_FROM = 0.975  # of white, linear: compression lets clipped areas waver
 BRIGHT_FROM = 0.3
+NEAR_FROM, NEAR_WHOLLY = 0.8, 0.93  # of white, linear: a channel that clips with the others
 # Clipped over bright pixels: below the first a picture was tone-mapped, above the second clipped.
 TONE_MAPPED_RATIO, CLIPPED_RATIO = 0.03, 0.065
 WHITE_SHARE = 0.999  # of the pixels lie below where white stands
@@ -152,12 +153,14 @@ def known_clipped(rgb_linear: Float32) -> Float32:
     """Where each channel is known to have clipped: float32 (H, W, 3) in [0, 1].
 
     It must stand at white in more than a pixel or two of nine, so that a lone bright pixel of a
-    wall is no lamp; the places beside count, too.
+    wall is no lamp; the places beside count, too. Where one channel clips, those near white count
+    with it: a sky recorded as (0.96, 0.99, 0.96) is white, and green if green alone were restored.
     """
     shape = rgb_linear.shape
     share = cv2.blur((rgb_linear >= np.float32(CLIPPED_FROM)).astype(np.float32), (3, 3))
-    known = cv2.dilate(_ramps(share, 0.12, 0.45), np.ones((3, 3), np.uint8))
-    return np.asarray(known, np.float32).reshape(shape)
+    known = cv2.dilate(_ramps(share, 0.12, 0.45), np.ones((3, 3), np.uint8)).reshape(shape)
+    near = _ramps(cv2.blur(rgb_linear, (3, 3)).reshape(shape), NEAR_FROM, NEAR_WHOLLY)
+    return np.asarray(np.maximum(known, near * known.max(axis=-1, keepdims=True)), np.float32)
 
 
 def _blurred(plane: Float32, sigma: float) -> Float32:
