@@ -163,13 +163,13 @@ INLINE float log_two(float x)
 }
 
 /* See native.gain_auto; 64 places at most. `n` holds from, centre, slope, low, white, apart from,
-   apart wholly, whether apart, L'max, stops apart a stop beside, near white from, wholly. */
+   apart wholly, whether apart, L'max, stops apart a stop of colour, clipped from, wholly. */
 INLINE void gain_block(const float *const *rgb, const float *ratio, const float *const *maps,
                        const float *n, int64_t size, float *const *out)
 {
     enum { BLOCK = 64 };
     float curve[BLOCK] = {0}, own[3][BLOCK], common[BLOCK], even[BLOCK];
-    float second[BLOCK], near_white[BLOCK], beside[BLOCK];
+    float most[BLOCK];
     float peak = log_two(n[8]), slope = 4 / (n[8] * n[8]), open = 1 / (n[4] - n[3]);
     float per_apart = 1 / (n[6] - n[5]), from = n[5], apart = n[7];
     float centre = n[1], steep = n[2], low = n[3];
@@ -216,20 +216,17 @@ INLINE void gain_block(const float *const *rgb, const float *ratio, const float 
         float less = r < g ? r : g, more = r < g ? g : r, greatest = more > b ? more : b;
         float middle = more < b ? more : b;
         middle = less > middle ? less : middle;
-        float near = between((middle - near_from) * per_near, 0, 1);
-        second[x] = middle;
-        near_white[x] = near * near * (3 - 2 * near) * peak;
-        float above = (greatest > 1e-3f ? greatest : 1e-3f) / (middle > 1e-3f ? middle : 1e-3f);
-        beside[x] = per_stop * log_two(above);
+        float least = less < b ? less : b, near = between((middle - near_from) * per_near, 0, 1);
+        float above = (greatest > 1e-3f ? greatest : 1e-3f) / (least > 1e-3f ? least : 1e-3f);
+        most[x] = near * near * (3 - 2 * near) * peak + per_stop * log_two(above);
     }
     for (int c = 0; c < 3; c++) {
         const float *plane = rgb[c];
         float *restrict to = out[c];
         for (int64_t x = 0; x < size; x++) {
             float t = between((plane[x] - from) * per_apart, 0, 1);
-            float most = near_white[x] + (plane[x] > second[x] ? beside[x] : 0);
             float parted = own[c][x] - common[x];
-            parted = (parted < most ? parted : most) * (t * t * (3 - 2 * t) * apart);
+            parted = (parted < most[x] ? parted : most[x]) * (t * t * (3 - 2 * t) * apart);
             float total = curve[x] + common[x] + parted;
             to[x] = two_to(total, nearest(total));
         }

@@ -39,7 +39,7 @@ _OPEN_LOW, _OPEN_WHITE = (
 )
 APART_FROM, APART_WHOLLY = 0.97, 0.983  # light at which a channel may part from the others
 RATIO_LOW, RATIO_HIGH = 0.7, 2.0  # of smoothed over given light: small lamps stay bright
-APART_STOPS = 0.7  # that a channel may part more, a stop that it stands above the second
+APART_STOPS = 0.35  # that a channel may part, a stop between the greatest and the least
 CLIPS_FROM, CLIPS_WHOLLY = 0.88, 0.96  # light at which the second has clipped, too
 LEAST_LIGHT = 2e-3
 # Texture is not lifted with the light that falls on it: eq. 11's argument is smoothed over it.
@@ -102,9 +102,9 @@ def gain_auto(
         gate = np.maximum(gate - np.float32(_OPEN_LOW), 0)
         stops.append(np.maximum(known - curve, 0) * gate / np.float32(_OPEN_WHITE - _OPEN_LOW))
     common = np.minimum(np.minimum(stops[0], stops[1]), stops[2])
-    bounds = _stops_apart(limited, peak_stops)
+    most = _stops_apart(limited, peak_stops)
     gains = []
-    for plane, own, most in zip(limited, stops, bounds, strict=True):
+    for plane, own in zip(limited, stops, strict=True):
         total = curve + common
         if apart:
             t = (plane - np.float32(APART_FROM)) * np.float32(1 / (APART_WHOLLY - APART_FROM))
@@ -115,19 +115,19 @@ def gain_auto(
     return gains
 
 
-def _stops_apart(limited: Sequence[Float32], peak_stops: np.float32) -> list[Float32]:
-    """How far each channel may part from the others: a bound in stops, float32 of their shape.
+def _stops_apart(limited: Sequence[Float32], peak_stops: np.float32) -> Float32:
+    """How far a channel may part from the others: a bound in stops, float32 of their shape.
 
-    Beside two that did not clip it may go on by APART_STOPS of what it stands above the second
-    already: a sky's blue that clips a little stays that sky's. Where the second is near white, it
-    tells nothing, and there is no bound.
+    Where two did not clip, by APART_STOPS of what already lies between the greatest and the least:
+    a sky's blue that clips a little stays that sky's. Where the second greatest clips, too, it
+    tells nothing of the colour, and there is no bound.
     """
-    second = np.median(np.stack(list(limited)), axis=0)
+    least, second, greatest = np.sort(np.stack(list(limited)), axis=0)
     near = np.clip((second - np.float32(CLIPS_FROM)) / np.float32(CLIPS_WHOLLY - CLIPS_FROM), 0, 1)
     free = near * near * (np.float32(3) - np.float32(2) * near) * peak_stops
     dark = np.float32(1e-3)
-    beside = [np.log2(np.maximum(p, dark) / np.maximum(second, dark)) for p in limited]
-    return [free + np.float32(APART_STOPS) * np.maximum(stops, 0) for stops in beside]
+    colour_stops = np.log2(np.maximum(greatest, dark) / np.maximum(least, dark))
+    return np.asarray(free + np.float32(APART_STOPS) * colour_stops, np.float32)
 
 
 def curve_auto(luminance: Floats, context: Context) -> Floats:
