@@ -26,7 +26,7 @@ from itmo_video.errors import InputError
 from itmo_video.html_report.measure import FrameFacts, Measured, film_facts
 from itmo_video.html_report.page import REPORT_NAME
 from itmo_video.output.converted import find_converted, open_converted
-from itmo_video.output.folder import MANIFEST_NAME
+from itmo_video.output.manifest import MANIFEST_NAME
 
 
 @pytest.fixture(scope="module")

@@ -15,8 +15,9 @@ import pytest
 from test_exr import HEADER, header, picture
 
 from itmo_video.errors import InputError, OutputError
-from itmo_video.output import atomic, exr, folder
-from itmo_video.output.folder import MANIFEST_NAME, Manifest, OutputFolder
+from itmo_video.output import atomic, disk_space, exr
+from itmo_video.output.folder import OutputFolder
+from itmo_video.output.manifest import MANIFEST_NAME, Manifest, read_manifest
 
 REPOSITORY = Path(__file__).parents[1]
 ENVIRONMENT = {**os.environ, "PYTHONPATH": str(REPOSITORY)}
@@ -86,7 +87,7 @@ def test_hostile_stems(tmp_path, stem):
         (out.path / stray).write_bytes(b"")
     assert out.frame_numbers() == [7, 70000]
     assert out.state(7, HEADER.fingerprint) == "whole"
-    assert folder.read_manifest(out.path) == manifest
+    assert read_manifest(out.path) == manifest
 
 
 # The manifest
@@ -123,12 +124,12 @@ def test_bad_manifests(out, text):
     out.path.mkdir()
     out.manifest_path.write_text(text)
     with pytest.raises(InputError) as caught:
-        folder.read_manifest(out.path)
+        read_manifest(out.path)
     assert caught.value.where == str(out.manifest_path)
     refused(out, OURS, "--overwrite")
     refused(out, OURS, "--overwrite", update=True)
     out.claim(OURS, overwrite=True)
-    assert folder.read_manifest(out.path) == OURS
+    assert read_manifest(out.path) == OURS
 
 
 def test_manifest_of_bytes_or_a_broken_link(out, tmp_path):
@@ -139,7 +140,7 @@ def test_manifest_of_bytes_or_a_broken_link(out, tmp_path):
     out.manifest_path.symlink_to(tmp_path / "nowhere")
     refused(out, OURS, "broken link")
     out.claim(OURS, overwrite=True)
-    assert folder.read_manifest(out.path) == OURS
+    assert read_manifest(out.path) == OURS
     assert not (tmp_path / "nowhere").exists()
 
 
@@ -156,7 +157,7 @@ def test_settings_that_json_cannot_hold(out):
 
 def test_claim_makes_folder_and_manifest(tmp_path):
     out = OutputFolder(tmp_path / "a" / "b", "clip")
-    assert folder.read_manifest(out.path) is None
+    assert read_manifest(out.path) is None
     assert not out.is_nobodys()
     out.check(OURS)
     assert not out.path.exists()
@@ -197,7 +198,7 @@ def test_another_sources_folder_is_refused(out):
     refused(out, other, "a.mp4")
     refused(out, other, "a.mp4", update=True)
     out.claim(other, overwrite=True)
-    assert folder.read_manifest(out.path) == other
+    assert read_manifest(out.path) == other
 
 
 def test_other_settings_need_update_or_overwrite(out):
@@ -206,7 +207,7 @@ def test_other_settings_need_update_or_overwrite(out):
         other = changed(settings={"alpha": 0.7, "gain": True})
         refused(out, other, "--update", "alpha 0.5 -> 0.7", 'operator "banterle2006" -> unset')
         out.claim(other, **{option: True})
-        assert folder.read_manifest(out.path) == other
+        assert read_manifest(out.path) == other
 
 
 def test_many_differences_are_not_all_told(out):
@@ -241,7 +242,7 @@ def test_file_systems_without_links(out, monkeypatch):
     monkeypatch.setattr(os, "link", refuse)
     out.claim(OURS)
     assert os.listdir(out.path) == [MANIFEST_NAME]
-    assert folder.read_manifest(out.path) == OURS
+    assert read_manifest(out.path) == OURS
 
 
 def test_another_process_is_first(out, monkeypatch):
@@ -256,7 +257,7 @@ def test_another_process_is_first(out, monkeypatch):
     monkeypatch.setattr(OutputFolder, "_create_manifest", late)
     with pytest.raises(OutputError, match="another source"):
         out.claim(OURS)
-    assert folder.read_manifest(out.path) == other
+    assert read_manifest(out.path) == other
     assert os.listdir(out.path) == [MANIFEST_NAME]
 
 
@@ -276,7 +277,8 @@ def test_claimed_by_a_namesake_during_the_look(out, monkeypatch):
 CLAIM_AND_WRITE = """
     import sys
     from itmo_video.errors import OutputError
-    from itmo_video.output.folder import Manifest, OutputFolder
+    from itmo_video.output.folder import OutputFolder
+    from itmo_video.output.manifest import Manifest
     place, who, rounds = sys.argv[1:]
     print("ready", flush=True)
     for number in range(int(rounds)):
@@ -303,7 +305,7 @@ def test_claims_at_once(tmp_path, names):
                 worker.stdin.flush()
             results = [worker.stdout.readline().strip() for worker in workers]
             place = tmp_path / str(number) / "out"
-            winner = folder.read_manifest(place).source_digest
+            winner = read_manifest(place).source_digest
             expected = ["won" if name == winner else "lost" for name in names]
             assert results == expected
             assert len(os.listdir(place)) == 2  # the manifest and the winner's one frame
@@ -497,6 +499,6 @@ def test_strange_host_names(monkeypatch):
 
 
 def test_free_bytes(tmp_path):
-    here = folder.free_bytes(tmp_path)
+    here = disk_space.free_bytes(tmp_path)
     assert here > 0
-    assert folder.free_bytes(tmp_path / "not" / "there" / "yet") > 0
+    assert disk_space.free_bytes(tmp_path / "not" / "there" / "yet") > 0

@@ -22,7 +22,7 @@ from itmo_video.cli.main import main
 from itmo_video.colour import chroma, primaries, transfer
 from itmo_video.conversion.convert import RunOptions, convert
 from itmo_video.delivery import hdr, metadata, sdr
-from itmo_video.delivery.encode import HIGH_CRF
+from itmo_video.delivery.film_spec import HIGH_CRF
 from itmo_video.delivery.in_order import Closed, InOrder, run_in_order
 from itmo_video.delivery.preview import PreviewOptions, PreviewSummary, preview
 from itmo_video.errors import UsageError

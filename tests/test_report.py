@@ -22,7 +22,7 @@ from itmo_video.conversion.convert import RunOptions, convert
 from itmo_video.delivery.preview import PreviewOptions, preview
 from itmo_video.html_report import embed, page, plots
 from itmo_video.output.exr import read_exr
-from itmo_video.output.folder import MANIFEST_NAME
+from itmo_video.output.manifest import MANIFEST_NAME
 
 HOSTILE = "<script>alert(1)<∕script>.mkv"  # file names cannot hold a plain slash
 WEIGHTS = (0.2126, 0.7152, 0.0722)

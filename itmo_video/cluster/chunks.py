@@ -17,7 +17,8 @@ from itmo_video.errors import ClusterError, DamagedInputError, InputError, ItmoE
 from itmo_video.events import ignore
 from itmo_video.kernels.arithmetic import arithmetic
 from itmo_video.look import make_look
-from itmo_video.output.folder import OutputFolder, read_manifest
+from itmo_video.output.folder import OutputFolder
+from itmo_video.output.manifest import read_manifest
 from itmo_video.settings import Settings
 from itmo_video.source.opening import Clip, input_options, open_clip
 from itmo_video.source.tags import InputOptions

@@ -11,7 +11,7 @@ from itmo_video.conversion.run_options import RunOptions
 from itmo_video.errors import CheckFailedError
 from itmo_video.look import make_look
 from itmo_video.output import disk_space
-from itmo_video.output.folder import OutputFolder, free_bytes
+from itmo_video.output.folder import OutputFolder
 from itmo_video.settings import Settings
 from itmo_video.source.opening import input_options, open_clip
 from itmo_video.words import counted
@@ -38,7 +38,7 @@ def describe_plan(
         f"{keys} on the grid of {plan.settings.key_reach}, and two more at each cut",
         f"at most {plan.memory_bytes / 1e6:.0f} MB of memory with {plan.jobs} jobs",
         f"about {disk_space.in_words(needed)} on the disk, "
-        f"{disk_space.in_words(free_bytes(folder.path))} are free",
+        f"{disk_space.in_words(disk_space.free_bytes(folder.path))} are free",
     ]
     if plan.shots:
         lines.append(f"{counted(len(plan.shots), 'shot')} with settings of their own")

@@ -18,7 +18,7 @@ from itmo_video.events import Finished, FrameDone, OnEvent, Started, Warned, ign
 from itmo_video.look import make_look
 from itmo_video.model import Frame
 from itmo_video.output import disk_space, exr
-from itmo_video.output.folder import OutputFolder, free_bytes
+from itmo_video.output.folder import OutputFolder
 from itmo_video.output.folder_names import check_folder_name
 from itmo_video.presets import make_settings
 from itmo_video.rendering import spans
@@ -205,4 +205,4 @@ def _damage(
 
 def _shortage(plan: Plan, folder: OutputFolder, frames: int) -> str | None:
     needed = frames * plan.estimated_frame_bytes
-    return disk_space.shortage(needed, free_bytes(folder.path), str(folder.path))
+    return disk_space.shortage(needed, disk_space.free_bytes(folder.path), str(folder.path))

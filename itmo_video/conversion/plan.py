@@ -21,8 +21,8 @@ from itmo_video.look import Look, make_look
 from itmo_video.model import ClipInfo
 from itmo_video.operators import version_of
 from itmo_video.output import disk_space
-from itmo_video.output.folder import Manifest
 from itmo_video.output.frame_form import FrameForm
+from itmo_video.output.manifest import Manifest
 from itmo_video.rendering import spans
 from itmo_video.settings import Settings
 from itmo_video.source.clip import Clip, first_number

@@ -9,11 +9,13 @@ from math import gcd
 from pathlib import Path
 
 from itmo_video.conversion.run_options import RunOptions
-from itmo_video.delivery import encode, hdr
-from itmo_video.delivery.encode import HIGH_CRF, FilmSpec, FilmWriter
+from itmo_video.delivery import hdr
+from itmo_video.delivery.film_spec import HIGH_CRF, FilmSpec, check_film, default_chroma
+from itmo_video.delivery.film_writer import FilmWriter
 from itmo_video.delivery.hdr import Light
 from itmo_video.delivery.pictures import Pictures
 from itmo_video.delivery.preview_options import PreviewOptions
+from itmo_video.delivery.sound import source_time_base
 from itmo_video.delivery.views import ShownFrame, shown_frame, signal_of
 from itmo_video.delivery.y4m import ReaderLeftError, Y4mSpec, Y4mWriter, is_stream_output
 from itmo_video.errors import DamagedInputError, UsageError
@@ -43,13 +45,13 @@ def write_film(
 
     `gate` is None for what goes on at once. A reader that closes its pipe ends the film there.
     """
-    chroma = options.chroma or encode.default_chroma(options.codec)
+    chroma = options.chroma or default_chroma(options.codec)
     spec = FilmSpec(
         2, 2, pictures.frame_rate, _time_base(pictures), pictures.pixel_aspect, signal_of(options),
         options.codec, chroma, pictures.peak_nits, crf_of(options), options.speed,
     )  # fmt: skip
     if not is_y4m(output):
-        encode.check_film(output, spec)
+        check_film(output, spec)
     shown = pictures.mapped(lambda picture: shown_frame(picture, pictures, options, chroma))
     count, light = 0, _NO_LIGHT
     try:
@@ -130,7 +132,7 @@ def _with_durations(
 def _time_base(pictures: Pictures) -> Fraction:
     """The source's unit of time where it is known, so that its stamps stay exact."""
     if pictures.clip is not None and is_film(pictures.clip):
-        return encode.source_time_base(pictures.clip, pictures.stream)
+        return source_time_base(pictures.clip, pictures.stream)
     rate = pictures.frame_rate.numerator
     common = rate * 90000 // gcd(rate, 90000)
     return Fraction(1, common if common < 2**31 else 90000)

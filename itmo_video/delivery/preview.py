@@ -20,8 +20,8 @@ from itmo_video.delivery.y4m import is_stream_output
 from itmo_video.errors import DamagedInputError, UsageError
 from itmo_video.events import Finished, OnEvent, Started, Warned, ignore
 from itmo_video.output.converted import open_converted
-from itmo_video.output.folder import read_manifest
 from itmo_video.output.gate import FILM, STILL, Gate
+from itmo_video.output.manifest import read_manifest
 from itmo_video.presets import make_settings
 from itmo_video.settings import Settings
 from itmo_video.source.opening import input_files

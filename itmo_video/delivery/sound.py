@@ -1,4 +1,4 @@
-"""A source's sound and chapters for a film made of it: copied as they are, at the film's times."""
+"""A source's sound, chapters and unit of time for a film made of it, copied as they are."""
 
 from __future__ import annotations
 
@@ -7,13 +7,19 @@ from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
-from itmo_video.source.packets import BROADCAST, Jumps, open_container
+from itmo_video.source.packets import BROADCAST, Jumps, open_container, open_video
 from itmo_video.source.streams import choose_video
 
 _MAX_PIXELS = 2**27  # of a source that only its sound and its stamps are read of
 # QuickTime's name of a track is what others call its title.
 _KEPT_TAGS = {"language": "language", "name": "title", "title": "title", "comment": "comment"}
 _KEPT_FLAGS = 0x1FF  # default, dub, original, comment, lyrics, karaoke, forced, impaired
+
+
+def source_time_base(path: Path, number: int | None = None) -> Fraction:
+    """The unit that a film's video time stamps are counted in, in seconds; raises InputError."""
+    with open_video(path, _MAX_PIXELS, number) as (_, stream):
+        return Fraction(stream.time_base or Fraction(1, 90000))
 
 
 class Sound:

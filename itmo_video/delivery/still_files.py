@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from itmo_video.colour.primaries import CHROMATICITIES
-from itmo_video.delivery import encode, hdr, sdr, stills
+from itmo_video.delivery import hdr, sdr, stills
+from itmo_video.delivery.encoders import encode_avif
 from itmo_video.delivery.films import crf_of
 from itmo_video.delivery.gain_map import gain_map_jpeg
 from itmo_video.delivery.hdr import Light
@@ -54,7 +55,7 @@ def write_still(pictures: Pictures, gate: Gate, options: PreviewOptions) -> tupl
             rgb, primaries, white, pictures.peak_nits, "pq", "420", picture.index
         )
         crf = crf_of(options)
-        return encode.encode_avif(planes, _AVIF_CRF if crf is None else crf), light
+        return encode_avif(planes, _AVIF_CRF if crf is None else crf), light
 
     made = next(pictures.mapped(make), None)
     if made is None:

@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from itmo_video.delivery import encode, hdr, sdr
+from itmo_video.delivery import hdr, sdr
+from itmo_video.delivery.film_spec import Signal
 from itmo_video.delivery.hdr import Chroma, Light, YCbCr
 from itmo_video.delivery.pictures import Picture, Pictures
 from itmo_video.delivery.preview_options import PreviewOptions
@@ -25,7 +26,7 @@ class ShownFrame:
     light: Light
 
 
-def signal_of(options: PreviewOptions) -> encode.Signal:
+def signal_of(options: PreviewOptions) -> Signal:
     """How what is shown is encoded."""
     if options.view == "hdr10" or (options.view == "compare" and options.hdr_compare):
         return "pq"

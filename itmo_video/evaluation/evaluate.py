@@ -12,8 +12,8 @@ from itmo_video.evaluation.evaluate_options import EvaluateOptions
 from itmo_video.evaluation.ibl import Lighting
 from itmo_video.evaluation.sequence import ShotFlicker
 from itmo_video.events import OnEvent, ignore
-from itmo_video.output.folder import read_manifest
 from itmo_video.output.gate import FILM, Gate
+from itmo_video.output.manifest import read_manifest
 from itmo_video.source.opening import input_files
 
 

@@ -21,8 +21,8 @@ from itmo_video.html_report.measure import FilmFacts, Measured
 from itmo_video.html_report.report_options import ReportOptions
 from itmo_video.html_report.viewer_data import MAX_WIDTH, import_map, viewer_data
 from itmo_video.output.converted import Converted, open_converted, peak_nits_of
-from itmo_video.output.folder import Manifest
 from itmo_video.output.gate import PAGE, Gate
+from itmo_video.output.manifest import Manifest
 from itmo_video.source.facts import clip_facts
 from itmo_video.source.opening import input_files
 from itmo_video.words import counted

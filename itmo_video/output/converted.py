@@ -16,7 +16,8 @@ from typing import Any
 from itmo_video.errors import InputError, UsageError
 from itmo_video.model import Half
 from itmo_video.output.exr import ExrImage, read_exr
-from itmo_video.output.folder import Manifest, OutputFolder, read_manifest
+from itmo_video.output.folder import OutputFolder
+from itmo_video.output.manifest import Manifest, read_manifest
 from itmo_video.settings import Settings, settings_from
 from itmo_video.source.opening import Clip, input_options, open_clip
 

@@ -1,8 +1,13 @@
-"""How much room on the disk a conversion needs, estimated before it starts."""
+"""How much room on the disk a conversion needs, estimated before it starts, and what is free."""
 
 from __future__ import annotations
 
+import os
+import shutil
+from pathlib import Path
+
 from itmo_video.compressions import COMPRESSIONS
+from itmo_video.output.atomic import StrPath, output_error
 from itmo_video.settings import Settings
 
 _HEADER_BYTES = 4096
@@ -15,12 +20,23 @@ def estimated_frame_bytes(width: int, height: int, has_alpha: bool, settings: Se
     return round(width * height * channels * 2 * share) + _HEADER_BYTES
 
 
-def shortage(needed_bytes: int, free_bytes: int, where: str) -> str | None:
-    """A warning for people if `needed_bytes` will not fit; None where they will."""
-    if needed_bytes <= free_bytes:
+def free_bytes(path: StrPath) -> int:
+    """Return how many bytes can still be written at `path`, which need not exist yet."""
+    folder = Path(path).absolute()
+    while not os.path.exists(folder) and folder != folder.parent:
+        folder = folder.parent
+    try:
+        return shutil.disk_usage(folder).free
+    except OSError as error:
+        raise output_error(error, folder) from error
+
+
+def shortage(needed_bytes: int, left_bytes: int, where: str) -> str | None:
+    """A warning for people if `needed_bytes` do not fit into `left_bytes`; None where they do."""
+    if needed_bytes <= left_bytes:
         return None
     return (
-        f"about {in_words(needed_bytes)} will be needed and {in_words(free_bytes)} are free at "
+        f"about {in_words(needed_bytes)} will be needed and {in_words(left_bytes)} are free at "
         f"{where}; when the disk is full what is written stays, and after space was made the same "
         "command goes on"
     )

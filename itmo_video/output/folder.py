@@ -11,11 +11,9 @@ import errno
 import json
 import os
 import re
-import shutil
 from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
-from dataclasses import asdict, dataclass, fields
 from itertools import islice
 from pathlib import Path
 from typing import Literal
@@ -30,10 +28,7 @@ from itmo_video.output.atomic import (
 )
 from itmo_video.output.exr import read_exr
 from itmo_video.output.frame_form import FrameForm
-from itmo_video.untrusted import parse_json, read_text
-
-MANIFEST_NAME = "itmo-video.json"
-MANIFEST_FORMAT = 2
+from itmo_video.output.manifest import MANIFEST_NAME, Manifest, read_manifest
 
 FrameState = Literal["missing", "whole", "damaged", "other"]
 
@@ -44,57 +39,6 @@ _PROBLEMS: dict[FrameState, str] = {
     "damaged": "damaged: it does not open whole; run the same command again to mend it",
     "other": "made with other settings or from another source; --update makes it again",
 }
-
-
-@dataclass(frozen=True)
-class Manifest:
-    """Whose a folder is: the source by name and content, the frames' stem, the effective settings.
-
-    `settings` holds what the pixels depend on, as JSON values; nothing of a run (ranges, jobs,
-    paths, times), so that all processes of a conversion make the same manifest.
-    """
-
-    source_name: str
-    source_digest: str
-    stem: str
-    settings: dict[str, object]
-    format: int = MANIFEST_FORMAT
-
-    def to_json(self) -> str:
-        """Write it as JSON text, equal for equal manifests; other values raise TypeError."""
-        # Undecodable bytes of file names stay escaped: only ASCII is sure to be written.
-        return json.dumps(asdict(self), indent=1, sort_keys=True, allow_nan=False) + "\n"
-
-    @classmethod
-    def from_json(cls, text: str, *, where: str = MANIFEST_NAME) -> Manifest:
-        """Read JSON text; raises InputError, naming `where`, unless it is a manifest of ours."""
-        try:
-            data = parse_json(text)
-        except ValueError as error:
-            raise _bad_manifest(f"it is not JSON: {error}", where) from error
-        if not isinstance(data, dict) or type(data.get("format")) is not int:
-            raise _bad_manifest("it has no format number", where)
-        if data["format"] != MANIFEST_FORMAT:
-            raise _bad_manifest(f"its format is {data['format']}, not {MANIFEST_FORMAT}", where)
-        kinds = {field.name: str for field in fields(cls)} | {"format": int, "settings": dict}
-        for name, kind in kinds.items():
-            if not isinstance(data.get(name), kind):
-                raise _bad_manifest(f"{name!r} is missing or of the wrong kind", where)
-        return cls(**{name: data[name] for name in kinds})
-
-
-def read_manifest(folder: StrPath) -> Manifest | None:
-    """Read the manifest of `folder`; None when it has none, InputError when it is not valid."""
-    path = Path(folder) / MANIFEST_NAME
-    try:
-        text = read_text(path)
-    except InputError as error:
-        if not isinstance(error.__cause__, FileNotFoundError | NotADirectoryError):
-            raise _bad_manifest(error.what, str(path)) from error
-        if path.is_symlink():  # to nothing: neither a manifest nor a free place for one
-            raise _bad_manifest("it is a broken link", str(path)) from error
-        return None
-    return Manifest.from_json(text, where=str(path))
 
 
 class OutputFolder:
@@ -277,21 +221,6 @@ class OutputFolder:
             with suppress(OSError):
                 temp.unlink()
         return True
-
-
-def free_bytes(path: StrPath) -> int:
-    """Return how many bytes can still be written at `path`, which need not exist yet."""
-    folder = Path(path).absolute()
-    while not os.path.exists(folder) and folder != folder.parent:
-        folder = folder.parent
-    try:
-        return shutil.disk_usage(folder).free
-    except OSError as error:
-        raise output_error(error, folder) from error
-
-
-def _bad_manifest(why: str, where: str) -> InputError:
-    return InputError(f"not a valid manifest: {why}", where=where, remedy="Convert the clip again.")
 
 
 def _refuse_another(present: Manifest, wanted: Manifest, where: str) -> None:

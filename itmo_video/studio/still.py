@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from itmo_video.delivery import encode, hdr
+from itmo_video.delivery import hdr
+from itmo_video.delivery.encoders import encode_avif
 from itmo_video.settings import Settings
 from itmo_video.studio.session import Shown
 
@@ -16,4 +17,4 @@ def avif_still(shown: Shown, settings: Settings) -> bytes:
     planes, _ = hdr.master_frame(
         tuple(shown.planes), shown.primaries, white, peak, "pq", "420", shown.index
     )
-    return encode.encode_avif(planes, _CRF)
+    return encode_avif(planes, _CRF)

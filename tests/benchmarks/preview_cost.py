@@ -21,7 +21,8 @@ from against_ffmpeg import make_clip
 from kernels_run import add_plain, require_kernels
 
 from itmo_video import RunOptions, make_settings
-from itmo_video.delivery import encode
+from itmo_video.delivery.film_spec import FilmSpec
+from itmo_video.delivery.film_writer import FilmWriter
 from itmo_video.delivery.hdr import Light
 from itmo_video.delivery.preview import PreviewOptions, preview
 from itmo_video.output.gate import FILM, Gate
@@ -32,19 +33,19 @@ Writing = tuple[tuple[Any, ...], dict[str, Any]]
 def measure(clip: Path, frames: int, codec: Any, speed: str, out: Path) -> tuple[float, float]:
     """Milliseconds of CPU a frame: the encoder alone, and the whole preview."""
     made: list[Writing] = []
-    asked: list[encode.FilmSpec] = []
-    begin, write = encode.FilmWriter.__init__, encode.FilmWriter.write
+    asked: list[FilmSpec] = []
+    begin, write = FilmWriter.__init__, FilmWriter.write
 
-    def watched(self: encode.FilmWriter, path: Path, spec: encode.FilmSpec, *rest: Any) -> None:
+    def watched(self: FilmWriter, path: Path, spec: FilmSpec, *rest: Any) -> None:
         asked.append(spec)
         begin(self, path, spec, *rest)
 
-    def kept(self: encode.FilmWriter, *args: Any, **more: Any) -> None:
+    def kept(self: FilmWriter, *args: Any, **more: Any) -> None:
         made.append((args, more))
         write(self, *args, **more)
 
     # Watched for as long as this runs, which mypy is right to dislike.
-    encode.FilmWriter.__init__, encode.FilmWriter.write = watched, kept  # type: ignore[method-assign]
+    FilmWriter.__init__, FilmWriter.write = watched, kept  # type: ignore[method-assign]
     try:
         start = time.process_time()
         options = PreviewOptions(codec=codec, speed=speed)
@@ -52,9 +53,9 @@ def measure(clip: Path, frames: int, codec: Any, speed: str, out: Path) -> tuple
         preview(clip, out / f"fly{speed}.mp4", make_settings("default"), run, options)
         whole_s = time.process_time() - start
     finally:
-        encode.FilmWriter.__init__, encode.FilmWriter.write = begin, write  # type: ignore[method-assign]
+        FilmWriter.__init__, FilmWriter.write = begin, write  # type: ignore[method-assign]
     start = time.process_time()
-    with encode.FilmWriter(Gate(out / f"alone{speed}.mp4", FILM), asked[0]) as film:
+    with FilmWriter(Gate(out / f"alone{speed}.mp4", FILM), asked[0]) as film:
         for args, more in made:
             film.write(*args, **more)
         film.finish(Light(1000, 100))

@@ -1,101 +1,32 @@
-"""Encoding by PyAV: films with sound and chapters of their source, and AVIF stills.
-
-The only module of delivery that imports av.
-"""
+"""Writes a film by PyAV, with the sound and chapters of its source."""
 
 from __future__ import annotations
 
 import os
-import threading
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
-from dataclasses import dataclass
+from contextlib import suppress
 from fractions import Fraction
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Literal
+from typing import Any
 
 import av
-import numpy as np
 
-from itmo_video.colour import primaries
 from itmo_video.delivery import metadata
-from itmo_video.delivery.hdr import Chroma, Codes10, Light
+from itmo_video.delivery.encoders import (
+    ENCODERS,
+    encoder_options,
+    frame_of,
+    svt_in_silence,
+    tag_signal,
+)
+from itmo_video.delivery.film_spec import MUXERS, FilmSpec, check_film
+from itmo_video.delivery.hdr import Light, YCbCr
 from itmo_video.delivery.sound import Sound
-from itmo_video.errors import ItmoError, OutputError, UsageError
+from itmo_video.errors import ItmoError, OutputError
 from itmo_video.output.atomic import temp_path
 from itmo_video.output.gate import Gate
-from itmo_video.source.packets import TAG_ERRORS, open_video
-
-Codec = Literal["av1", "hevc", "prores"]
-Signal = Literal["pq", "hlg", "sdr"]
-YCbCr = tuple[Codes10, Codes10, Codes10]
-_MAX_PIXELS = 2**27  # of a source that only its sound and its stamps are read of
-
-_ENCODERS: dict[str, str] = {"av1": "libsvtav1", "hevc": "libx265", "prores": "prores_ks"}
-_MUXERS = {".mp4": "mp4", ".m4v": "mp4", ".mov": "mov", ".mkv": "matroska"}
-# Code points of ITU-T H.273: primaries, transfer, matrix.
-_CODE_POINTS: dict[str, tuple[int, int, int]] = {
-    "pq": (9, 16, 9),
-    "hlg": (9, 18, 9),
-    "sdr": (1, 1, 1),
-}
-DEFAULT_CRF: dict[str, int] = {"av1": 25, "hevc": 18}
-HIGH_CRF: dict[str, float] = {"av1": 1, "hevc": 1}  # nits within 2 % in the median, dark ones too
-DEFAULT_SPEED: dict[str, str] = {"av1": "5", "hevc": "fast"}
-
-
-@dataclass(frozen=True)
-class FilmSpec:
-    """What a film is encoded as: sizes in pixels (even), times in seconds, light in nits."""
-
-    width: int
-    height: int
-    frame_rate: Fraction
-    time_base: Fraction
-    pixel_aspect: Fraction
-    signal: Signal
-    codec: Codec = "av1"
-    chroma: Chroma = "420"
-    peak_nits: float = 1000.0
-    crf: float | None = None
-    speed: str | None = None
-
-    @property
-    def mastering(self) -> metadata.Mastering:
-        """A P3 display with the stated peak, on which HDR10 is mastered by custom."""
-        return metadata.Mastering(primaries.CHROMATICITIES["p3d65"], self.peak_nits)
-
-
-def default_chroma(codec: Codec) -> Chroma:
-    """4:2:2 for ProRes 422 HQ, 4:2:0 for what is distributed."""
-    return "422" if codec == "prores" else "420"
-
-
-def source_time_base(path: Path, number: int | None = None) -> Fraction:
-    """The unit that a film's video time stamps are counted in, in seconds; raises InputError."""
-    with open_video(path, _MAX_PIXELS, number) as (_, stream):
-        return Fraction(stream.time_base or Fraction(1, 90000))
-
-
-def check_film(path: Path, spec: FilmSpec) -> None:
-    """Raise UsageError for a combination that no player or encoder takes."""
-    if path.suffix.lower() not in _MUXERS:
-        raise UsageError(f"{path.name}: cannot be a film", remedy=f"Name it {', '.join(_MUXERS)}.")
-    if spec.codec == "av1" and path.suffix.lower() == ".mov":
-        raise UsageError("AV1 does not go into .mov", remedy="Name the output .mp4 or .mkv.")
-    if spec.codec == "prores" and path.suffix.lower() not in (".mov", ".mkv"):
-        raise UsageError("ProRes goes into .mov or .mkv", remedy="Name the output film.mov.")
-    if spec.codec == "prores" and spec.crf is not None:
-        raise UsageError("ProRes 422 HQ has a fixed quality", remedy="Leave --crf out.")
-    if spec.pixel_aspect != 1 and spec.codec == "av1" and path.suffix.lower() == ".mkv":
-        raise UsageError(  # AV1's own header has none, and PyAV does not set Matroska's
-            "AV1 in .mkv would lose the shape of its pixels", remedy="Name the output .mp4."
-        )
-    if spec.codec == "av1" and spec.chroma == "422":
-        raise UsageError("SVT-AV1 encodes 4:2:0 only", remedy="Take --codec hevc or prores.")
-    if spec.codec == "prores" and spec.chroma == "420":
-        raise UsageError("ProRes 422 is 4:2:2", remedy="Leave --chroma out.")
+from itmo_video.source.packets import TAG_ERRORS
 
 
 class FilmWriter:
@@ -126,7 +57,7 @@ class FilmWriter:
         self._temp = temp_path(path.absolute())
         self._last_pts: int | None = None
         self._end_s: Fraction | None = None
-        muxer = _MUXERS[path.suffix.lower()]
+        muxer = MUXERS[path.suffix.lower()]
         # A check sum of Matroska's would not know of the completed metadata.
         options = {"write_crc32": "0"} if muxer == "matroska" else {}
         options["fflags"] = "+bitexact"  # else Matroska's identifiers are drawn by chance
@@ -162,7 +93,7 @@ class FilmWriter:
     def write(self, planes: YCbCr, time_s: Fraction, duration_s: Fraction | None = None) -> None:
         """Encode one frame, to be shown from `time_s` on; frames come in rising time."""
         spec = self.spec
-        frame = _frame(planes, "yuv422p10le" if spec.chroma == "422" else "yuv420p10le")
+        frame = frame_of(planes, "yuv422p10le" if spec.chroma == "422" else "yuv420p10le")
         frame.pts = round((time_s - self._start_s) / spec.time_base)
         if self._last_pts is not None and frame.pts <= self._last_pts:
             frame.pts = self._last_pts + 1
@@ -171,7 +102,7 @@ class FilmWriter:
         length = duration_s if duration_s is not None else 1 / spec.frame_rate
         frame.duration = max(1, round(length / spec.time_base))
         self._end_s = time_s + length
-        _tag(frame, spec.signal)
+        tag_signal(frame, spec.signal)
         try:
             self._mux(self._stream.encode(frame))
         except (av.FFmpegError, OSError, ValueError) as error:
@@ -205,7 +136,7 @@ class FilmWriter:
     def _add_video(self) -> Any:
         spec = self.spec
         stream: Any = self._box.add_stream(
-            _ENCODERS[spec.codec], rate=spec.frame_rate, options=_options(spec)
+            ENCODERS[spec.codec], rate=spec.frame_rate, options=encoder_options(spec)
         )
         stream.width, stream.height = spec.width, spec.height
         stream.pix_fmt = "yuv422p10le" if spec.chroma == "422" else "yuv420p10le"
@@ -216,8 +147,8 @@ class FilmWriter:
         context.gop_size = max(1, round(2 * spec.frame_rate))  # so that players can seek
         if spec.codec == "hevc":
             context.codec_tag = "hvc1"  # Apple's players take no other
-        _tag(context, spec.signal)
-        with _svt_in_silence():
+        tag_signal(context, spec.signal)
+        with svt_in_silence():
             context.open()
         return stream
 
@@ -257,82 +188,6 @@ class FilmWriter:
             if packet.dts is not None:
                 packet.dts -= shift
             self._box.mux(packet)
-
-
-def encode_avif(planes: YCbCr, crf: float) -> bytes:
-    """A 10-bit PQ BT.2020 AVIF still, 4:2:0, of the encoder that films use."""
-    import io
-
-    target = io.BytesIO()
-    height, width = planes[0].shape
-    with av.open(target, "w", format="avif") as box:
-        stream: Any = box.add_stream(
-            "libsvtav1",
-            rate=Fraction(1),
-            options={"crf": f"{crf:g}", "preset": DEFAULT_SPEED["av1"]},
-        )
-        stream.width, stream.height, stream.pix_fmt = width, height, "yuv420p10le"
-        _tag(stream.codec_context, "pq")
-        with _svt_in_silence():
-            stream.codec_context.open()
-        frame = _frame(planes, "yuv420p10le")
-        frame.pts = 0
-        _tag(frame, "pq")
-        box.mux(stream.encode(frame))
-        box.mux(stream.encode(None))
-    return target.getvalue()
-
-
-_environment_lock = threading.Lock()
-
-
-@contextmanager
-def _svt_in_silence() -> Iterator[None]:
-    """SVT-AV1 asks the environment, when it starts, whether it may write to standard error."""
-    name = "SVT_LOG"
-    with _environment_lock:
-        if name in os.environ:
-            yield
-            return
-        os.environ[name] = "0"
-        try:
-            yield
-        finally:
-            del os.environ[name]
-
-
-def _options(spec: FilmSpec) -> dict[str, str]:
-    if spec.codec == "prores":
-        return {"profile": "3", "vendor": "apl0"}
-    crf = spec.crf if spec.crf is not None else DEFAULT_CRF[spec.codec]
-    options = {"crf": f"{crf:g}", "preset": spec.speed or DEFAULT_SPEED[spec.codec]}
-    cll, fall = metadata.PLACEHOLDER
-    is_hdr10 = spec.signal == "pq"
-    if spec.codec == "av1":
-        if is_hdr10:
-            options["svtav1-params"] = (
-                f"mastering-display={spec.mastering.for_svt()}:content-light={cll},{fall}"
-            )
-        return options
-    # Its own SEI lists its options, among them the placeholders below.
-    told = ["log-level=none", "info=0", "repeat-headers=1", "chromaloc=0"]
-    if is_hdr10:
-        told += ["hdr10=1", f"master-display={spec.mastering.for_x265()}", f"max-cll={cll},{fall}"]
-    return options | {"x265-params": ":".join(told)}
-
-
-def _tag(thing: Any, signal: Signal) -> None:
-    thing.color_primaries, thing.color_trc, thing.colorspace = _CODE_POINTS[signal]
-    thing.color_range = 1
-
-
-def _frame(planes: YCbCr, pixel_format: str) -> Any:
-    height, width = planes[0].shape
-    frame = av.VideoFrame(width, height, pixel_format)
-    for codes, plane in zip(planes, frame.planes, strict=True):
-        rows = np.frombuffer(memoryview(plane), np.uint16).reshape(plane.height, -1)
-        rows[:, : plane.width] = codes
-    return frame
 
 
 def _failure(error: Exception, path: Path) -> OutputError:

@@ -1,0 +1,103 @@
+"""The encoders of films and AVIF stills: what they are told, tagged with and given."""
+
+from __future__ import annotations
+
+import io
+import os
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from fractions import Fraction
+from typing import Any
+
+import av
+import numpy as np
+
+from itmo_video.delivery import metadata
+from itmo_video.delivery.film_spec import DEFAULT_CRF, DEFAULT_SPEED, FilmSpec, Signal
+from itmo_video.delivery.hdr import YCbCr
+
+ENCODERS: dict[str, str] = {"av1": "libsvtav1", "hevc": "libx265", "prores": "prores_ks"}
+# Code points of ITU-T H.273: primaries, transfer, matrix.
+_CODE_POINTS: dict[str, tuple[int, int, int]] = {
+    "pq": (9, 16, 9),
+    "hlg": (9, 18, 9),
+    "sdr": (1, 1, 1),
+}
+
+
+def encode_avif(planes: YCbCr, crf: float) -> bytes:
+    """A 10-bit PQ BT.2020 AVIF still, 4:2:0, of the encoder that films use."""
+    target = io.BytesIO()
+    height, width = planes[0].shape
+    with av.open(target, "w", format="avif") as box:
+        stream: Any = box.add_stream(
+            "libsvtav1",
+            rate=Fraction(1),
+            options={"crf": f"{crf:g}", "preset": DEFAULT_SPEED["av1"]},
+        )
+        stream.width, stream.height, stream.pix_fmt = width, height, "yuv420p10le"
+        tag_signal(stream.codec_context, "pq")
+        with svt_in_silence():
+            stream.codec_context.open()
+        frame = frame_of(planes, "yuv420p10le")
+        frame.pts = 0
+        tag_signal(frame, "pq")
+        box.mux(stream.encode(frame))
+        box.mux(stream.encode(None))
+    return target.getvalue()
+
+
+def encoder_options(spec: FilmSpec) -> dict[str, str]:
+    """What the encoder of this film is told, by FFmpeg's names."""
+    if spec.codec == "prores":
+        return {"profile": "3", "vendor": "apl0"}
+    crf = spec.crf if spec.crf is not None else DEFAULT_CRF[spec.codec]
+    options = {"crf": f"{crf:g}", "preset": spec.speed or DEFAULT_SPEED[spec.codec]}
+    cll, fall = metadata.PLACEHOLDER
+    is_hdr10 = spec.signal == "pq"
+    if spec.codec == "av1":
+        if is_hdr10:
+            options["svtav1-params"] = (
+                f"mastering-display={spec.mastering.for_svt()}:content-light={cll},{fall}"
+            )
+        return options
+    # Its own SEI lists its options, among them the placeholders below.
+    told = ["log-level=none", "info=0", "repeat-headers=1", "chromaloc=0"]
+    if is_hdr10:
+        told += ["hdr10=1", f"master-display={spec.mastering.for_x265()}", f"max-cll={cll},{fall}"]
+    return options | {"x265-params": ":".join(told)}
+
+
+def tag_signal(thing: Any, signal: Signal) -> None:
+    """Tag a codec context or a frame with the code points of its signal, limited range."""
+    thing.color_primaries, thing.color_trc, thing.colorspace = _CODE_POINTS[signal]
+    thing.color_range = 1
+
+
+def frame_of(planes: YCbCr, pixel_format: str) -> Any:
+    """Planes of 10-bit codes as a frame of PyAV."""
+    height, width = planes[0].shape
+    frame = av.VideoFrame(width, height, pixel_format)
+    for codes, plane in zip(planes, frame.planes, strict=True):
+        rows = np.frombuffer(memoryview(plane), np.uint16).reshape(plane.height, -1)
+        rows[:, : plane.width] = codes
+    return frame
+
+
+_environment_lock = threading.Lock()
+
+
+@contextmanager
+def svt_in_silence() -> Iterator[None]:
+    """SVT-AV1 asks the environment, when it starts, whether it may write to standard error."""
+    name = "SVT_LOG"
+    with _environment_lock:
+        if name in os.environ:
+            yield
+            return
+        os.environ[name] = "0"
+        try:
+            yield
+        finally:
+            del os.environ[name]

@@ -1,0 +1,68 @@
+"""What a film is encoded as: its codec, signal and sizes, and what does not go together."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from fractions import Fraction
+from pathlib import Path
+from typing import Literal
+
+from itmo_video.colour import primaries
+from itmo_video.delivery import metadata
+from itmo_video.delivery.hdr import Chroma
+from itmo_video.errors import UsageError
+
+Codec = Literal["av1", "hevc", "prores"]
+Signal = Literal["pq", "hlg", "sdr"]
+
+MUXERS = {".mp4": "mp4", ".m4v": "mp4", ".mov": "mov", ".mkv": "matroska"}
+DEFAULT_CRF: dict[str, int] = {"av1": 25, "hevc": 18}
+HIGH_CRF: dict[str, float] = {"av1": 1, "hevc": 1}  # nits within 2 % in the median, dark ones too
+DEFAULT_SPEED: dict[str, str] = {"av1": "5", "hevc": "fast"}
+
+
+@dataclass(frozen=True)
+class FilmSpec:
+    """What a film is encoded as: sizes in pixels (even), times in seconds, light in nits."""
+
+    width: int
+    height: int
+    frame_rate: Fraction
+    time_base: Fraction
+    pixel_aspect: Fraction
+    signal: Signal
+    codec: Codec = "av1"
+    chroma: Chroma = "420"
+    peak_nits: float = 1000.0
+    crf: float | None = None
+    speed: str | None = None
+
+    @property
+    def mastering(self) -> metadata.Mastering:
+        """A P3 display with the stated peak, on which HDR10 is mastered by custom."""
+        return metadata.Mastering(primaries.CHROMATICITIES["p3d65"], self.peak_nits)
+
+
+def default_chroma(codec: Codec) -> Chroma:
+    """4:2:2 for ProRes 422 HQ, 4:2:0 for what is distributed."""
+    return "422" if codec == "prores" else "420"
+
+
+def check_film(path: Path, spec: FilmSpec) -> None:
+    """Raise UsageError for a combination that no player or encoder takes."""
+    if path.suffix.lower() not in MUXERS:
+        raise UsageError(f"{path.name}: cannot be a film", remedy=f"Name it {', '.join(MUXERS)}.")
+    if spec.codec == "av1" and path.suffix.lower() == ".mov":
+        raise UsageError("AV1 does not go into .mov", remedy="Name the output .mp4 or .mkv.")
+    if spec.codec == "prores" and path.suffix.lower() not in (".mov", ".mkv"):
+        raise UsageError("ProRes goes into .mov or .mkv", remedy="Name the output film.mov.")
+    if spec.codec == "prores" and spec.crf is not None:
+        raise UsageError("ProRes 422 HQ has a fixed quality", remedy="Leave --crf out.")
+    if spec.pixel_aspect != 1 and spec.codec == "av1" and path.suffix.lower() == ".mkv":
+        raise UsageError(  # AV1's own header has none, and PyAV does not set Matroska's
+            "AV1 in .mkv would lose the shape of its pixels", remedy="Name the output .mp4."
+        )
+    if spec.codec == "av1" and spec.chroma == "422":
+        raise UsageError("SVT-AV1 encodes 4:2:0 only", remedy="Take --codec hevc or prores.")
+    if spec.codec == "prores" and spec.chroma == "420":
+        raise UsageError("ProRes 422 is 4:2:2", remedy="Leave --chroma out.")

@@ -1,0 +1,69 @@
+"""The manifest of an output folder: whose it is, by its source and settings."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict, dataclass, fields
+from pathlib import Path
+
+from itmo_video.errors import InputError
+from itmo_video.output.atomic import StrPath
+from itmo_video.untrusted import parse_json, read_text
+
+MANIFEST_NAME = "itmo-video.json"
+MANIFEST_FORMAT = 2
+
+
+@dataclass(frozen=True)
+class Manifest:
+    """Whose a folder is: the source by name and content, the frames' stem, the effective settings.
+
+    `settings` holds what the pixels depend on, as JSON values; nothing of a run (ranges, jobs,
+    paths, times), so that all processes of a conversion make the same manifest.
+    """
+
+    source_name: str
+    source_digest: str
+    stem: str
+    settings: dict[str, object]
+    format: int = MANIFEST_FORMAT
+
+    def to_json(self) -> str:
+        """Write it as JSON text, equal for equal manifests; other values raise TypeError."""
+        # Undecodable bytes of file names stay escaped: only ASCII is sure to be written.
+        return json.dumps(asdict(self), indent=1, sort_keys=True, allow_nan=False) + "\n"
+
+    @classmethod
+    def from_json(cls, text: str, *, where: str = MANIFEST_NAME) -> Manifest:
+        """Read JSON text; raises InputError, naming `where`, unless it is a manifest of ours."""
+        try:
+            data = parse_json(text)
+        except ValueError as error:
+            raise _bad_manifest(f"it is not JSON: {error}", where) from error
+        if not isinstance(data, dict) or type(data.get("format")) is not int:
+            raise _bad_manifest("it has no format number", where)
+        if data["format"] != MANIFEST_FORMAT:
+            raise _bad_manifest(f"its format is {data['format']}, not {MANIFEST_FORMAT}", where)
+        kinds = {field.name: str for field in fields(cls)} | {"format": int, "settings": dict}
+        for name, kind in kinds.items():
+            if not isinstance(data.get(name), kind):
+                raise _bad_manifest(f"{name!r} is missing or of the wrong kind", where)
+        return cls(**{name: data[name] for name in kinds})
+
+
+def read_manifest(folder: StrPath) -> Manifest | None:
+    """Read the manifest of `folder`; None when it has none, InputError when it is not valid."""
+    path = Path(folder) / MANIFEST_NAME
+    try:
+        text = read_text(path)
+    except InputError as error:
+        if not isinstance(error.__cause__, FileNotFoundError | NotADirectoryError):
+            raise _bad_manifest(error.what, str(path)) from error
+        if path.is_symlink():  # to nothing: neither a manifest nor a free place for one
+            raise _bad_manifest("it is a broken link", str(path)) from error
+        return None
+    return Manifest.from_json(text, where=str(path))
+
+
+def _bad_manifest(why: str, where: str) -> InputError:
+    return InputError(f"not a valid manifest: {why}", where=where, remedy="Convert the clip again.")
