@@ -9,7 +9,6 @@ import pytest
 from itmo_video import RunOptions, convert, make_settings
 from itmo_video.compressions import WRITTEN as COMPRESSIONS
 from itmo_video.conversion import checking
-from itmo_video.conversion import convert as conversion
 from itmo_video.events import Event, Warned
 from itmo_video.output import disk_space
 
@@ -34,14 +33,13 @@ def test_layers_and_alpha_count() -> None:
 
 
 def test_a_warning_where_it_will_not_fit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(checking, "free_bytes", lambda path: 10_000_000)
-    monkeypatch.setattr(conversion, "free_bytes", lambda path: 10_000_000)
+    monkeypatch.setattr(disk_space, "free_bytes", lambda path: 10_000_000)
     settings, run = make_settings(), RunOptions(frames="1-3")
     assert "warning" not in checking.describe_plan(CLIP, tmp_path, settings, run)
     planned = checking.describe_plan(CLIP, tmp_path, settings, RunOptions())
     assert "warning: about 30 MB will be needed and 10 MB are free" in planned
 
-    monkeypatch.setattr(conversion, "free_bytes", lambda path: 1_000_000)
+    monkeypatch.setattr(disk_space, "free_bytes", lambda path: 1_000_000)
     events: list[Event] = []
     convert(CLIP, tmp_path, settings, run, events.append)
     warnings = [e.message for e in events if isinstance(e, Warned)]
