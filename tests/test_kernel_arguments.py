@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from itmo_video.kernels import compiled, library
+from itmo_video.kernels.dispatch import with_compiled_form
 
 # The table's letters for a parameter of the header.
 LETTERS = {
@@ -105,6 +106,21 @@ def test_what_does_not_fit_raises(call: Any) -> None:
     """A kernel that was given it would read or write other memory, or other numbers, unseen."""
     with pytest.raises((ValueError, TypeError, ctypes.ArgumentError)):
         call()
+
+
+def test_a_kernel_takes_the_form_that_is_there(monkeypatch: pytest.MonkeyPatch) -> None:
+    def by_loops(loaded: Any, a: int, b: int) -> tuple[Any, ...]:
+        return loaded, a, b
+
+    @with_compiled_form(by_loops)
+    def kernel(a: int, b: int) -> tuple[Any, ...]:
+        return "plain", a, b
+
+    there = object()
+    monkeypatch.setattr(library, "library", lambda: there)
+    assert kernel(1, b=2) == (there, 1, 2)
+    monkeypatch.setattr(library, "library", lambda: None)
+    assert kernel(1, b=2) == ("plain", 1, 2)
 
 
 @needs_kernels

@@ -14,16 +14,15 @@ from itmo_video.colour.analysis_picture import analysis_guide
 from itmo_video.colour.strips import strips
 from itmo_video.expand_map.key_map import make_key_map
 from itmo_video.kernels import library
-from itmo_video.kernels.compiled import drive, expand, pack_literals, ycbcr_rows
+from itmo_video.kernels.compiled import drive, pack_literals, ycbcr_rows
 from itmo_video.look import make_look
 from itmo_video.model import Encoding, Frame
 from itmo_video.motion import flow
 from itmo_video.operators.auto import gain_auto
 from itmo_video.operators.base import Context
-from itmo_video.operators.luminance_operator import weighed
 from itmo_video.operators.photographic import gain_banterle2006
 from itmo_video.output import exr
-from itmo_video.rendering.frame import _write_strip, render
+from itmo_video.rendering.frame import expand, render
 from itmo_video.rendering.guidance import Guidance
 from itmo_video.rendering.guided_upsampling import edge_aware_coefficients
 
@@ -269,7 +268,7 @@ def test_every_half_and_what_lies_between():
     values = np.concatenate([values, -values])
     out = np.empty((3, values.size), np.float16)
     weight = np.zeros_like(values)
-    expand(loaded, [values] * 3, weight + 7, weight, 1.0, 1.0, out)
+    expand([values] * 3, weight + 7, weight, 1.0, 1.0, out)
     with np.errstate(over="ignore"):
         want = values.astype(np.float16)
     for plane in out:
@@ -278,15 +277,14 @@ def test_every_half_and_what_lies_between():
 
 @compiled
 @pytest.mark.parametrize("strength", [1.0, 0.15])
-def test_expand_to_the_bit(strength):
+def test_expand_to_the_bit(by_libraries, strength):
     rng = np.random.default_rng(12)
     rgb = [rng.random((40, 131), np.float32) for _ in range(3)]
     gain, weight = 1 + 9 * rng.random((40, 131), np.float32), rng.random((40, 131), np.float32)
     out = np.empty((3, 40, 131), np.float16)
-    expand(loaded, rgb, gain, weight, 0.7, strength, out)
-    (gains,) = weighed(gain.copy(), [weight], 0.7, strength)
+    expand(rgb, gain, weight, 0.7, strength, out)
     want = np.empty_like(out)
-    _write_strip(rgb, [gains], None, False, want)
+    by_libraries(expand, rgb, gain, weight, 0.7, strength, want)
     assert np.array_equal(out, want)
 
 
@@ -299,8 +297,9 @@ def test_camera_model(by_libraries, count):
     vectors = np.stack([1 + 2 * across - down, -3 + 0.5 * down]) + rng.normal(0, 0.2, (2, count))
     vectors[:, ::4] += 9
     texture = rng.integers(1, 50, count).astype(np.float64)
-    ours = flow.camera_model(across, down, vectors, texture)
-    theirs = by_libraries(flow.camera_model, across, down, vectors, texture)
+    given = (across, down, vectors, texture, flow.CAMERA_SIGMAS_PX, flow.CAMERA_RIDGE)
+    ours = flow.camera_model(*given)
+    theirs = by_libraries(flow.camera_model, *given)
     np.testing.assert_allclose(ours, theirs, rtol=1e-6, atol=1e-8)
 
 

@@ -17,11 +17,11 @@ from itmo_video.operators import (
     FrameStats,
     LuminanceOperator,
     Operator,
+    auto,
     find_operator,
     geometric_mean,
     resolve_params,
 )
-from itmo_video.operators.auto import curve_auto
 from itmo_video.settings import Settings
 
 RAMP = np.linspace(0, 1, 4097, dtype=np.float32)
@@ -40,6 +40,17 @@ def gain_of(name: str, luminance: Any, ctx: Context) -> Any:
     if isinstance(operator, LuminanceOperator):
         return operator.gain(luminance, ctx)
     return operator.gains([luminance] * 3, None, [], ctx, 1.0)[0]
+
+
+def curve_auto(luminance: Any, context: Context) -> Any:
+    """`auto`'s expanded grey in float64 where all that clips goes to L'max: no maps."""
+
+    def share(light: Any) -> Any:
+        return 1 / (1 + np.exp(-auto.OPEN_SLOPE * (light - auto.OPEN_CENTRE)))
+
+    low, white = share(auto.OPEN_FROM), share(1.0)
+    gate = np.clip((share(luminance) - low) / (white - low), 0, None)
+    return luminance * context.l_max**gate
 
 
 def curve(name: str, luminance: Any, l_max: float = 20, **given: float) -> Any:

@@ -16,6 +16,7 @@ import cv2
 import numpy as np
 import pytest
 from clips import moving_scene, write_ffv1, write_film
+from oracles import hlg_nits
 
 from itmo_video import make_settings
 from itmo_video.cli.main import main
@@ -78,7 +79,7 @@ def decoded_nits(path: Path, view: str) -> list[np.ndarray[Any, Any]]:
             red, blue = y + 1.4746 * cr, y + 1.8814 * cb
             green = (y - 0.2627 * red - 0.0593 * blue) / 0.6780
             code = np.stack([red, green, blue])
-            out.append(transfer.pq_nits(code) if view == "hdr10" else transfer.hlg_nits(code, PEAK))
+            out.append(transfer.pq_nits(code) if view == "hdr10" else hlg_nits(code, PEAK))
     return out
 
 

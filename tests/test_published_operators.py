@@ -105,15 +105,25 @@ def test_ward_undoes_the_published_scale_factor() -> None:
     assert limited[-1] == pytest.approx(3.0), "the maximum is passed"
 
 
+def forward_bt2446c(hdr_nits: Any) -> Any:
+    """Section 6.1.4: SDR luminance of HDR luminance, both in cd/m2 (SDR white 100)."""
+    above = np.maximum(hdr_nits, bt2446.KNEE_HDR)
+    return np.where(
+        hdr_nits < bt2446.KNEE_HDR,
+        bt2446.K1 * hdr_nits,
+        bt2446.K2 * np.log(above / bt2446.KNEE_HDR - bt2446.K3) + bt2446.K4,
+    )
+
+
 def test_bt2446c_agrees_with_the_report() -> None:
     assert pytest.approx((15.09968, 78.99439), abs=1e-4) == (bt2446.K2, bt2446.K4)
     assert pytest.approx(58.5, abs=0.05) == bt2446.KNEE
     world = expand("bt2446c", 1000) * 203
-    returns("bt2446c", bt2446.forward_bt2446c(world) / 100)
+    returns("bt2446c", forward_bt2446c(world) / 100)
     # The conditions that the report derives its constants from (section 6.1.4).
-    assert float(bt2446.forward_bt2446c(np.array(203.0))) == pytest.approx(
-        100 * 0.96**2.4, rel=1e-3
-    ), "HDR reference white is not at 96 % SDR"
+    assert float(forward_bt2446c(np.array(203.0))) == pytest.approx(100 * 0.96**2.4, rel=1e-3), (
+        "HDR reference white is not at 96 % SDR"
+    )
     assert world[-1] == pytest.approx(332.4, abs=0.5)
 
 

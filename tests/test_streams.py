@@ -9,6 +9,7 @@ from pathlib import Path
 import av
 import numpy as np
 import pytest
+from oracles import to_rgb_code
 
 from itmo_video.errors import AlreadyHdrError, InputError, UsageError
 from itmo_video.model import Encoding
@@ -164,10 +165,9 @@ def test_cropping_keeps_chroma_where_it_is(crop: tuple[int, int, int, int]) -> N
 
 
 def rgb_of(stored, encoding: Encoding) -> np.ndarray:
-    from itmo_video.colour import linear_light
     from itmo_video.model import Frame
 
-    return np.dstack(linear_light.to_rgb_code(Frame(0, Fraction(0), stored, encoding)))
+    return np.dstack(to_rgb_code(Frame(0, Fraction(0), stored, encoding)))
 
 
 # ---- HDR that hides ----

@@ -24,7 +24,8 @@ from itmo_video.colour.transfer import (
     eotf,
     gamma_of,
 )
-from itmo_video.kernels import compiled, library
+from itmo_video.kernels import compiled
+from itmo_video.kernels.dispatch import with_compiled_form
 from itmo_video.model import Code, Float32, Frame, Matrix, Range, Transfer
 
 Planes: TypeAlias = tuple[Float32, Float32, Float32]
@@ -38,17 +39,6 @@ _LANES = 128
 # 0 has no logarithm, and the power of this floor is still no subnormal.
 _POWER_FLOOR = 1e-8
 _FROM_ZERO = ("linear", "srgb")  # these take no power of a code near 0
-
-
-def to_rgb_code(frame: Frame) -> Planes:
-    """Give the frame as nonlinear R'G'B', nominally 0 to 1, over-white and negative values kept.
-
-    Three float32 planes of the frame's height and width.
-    """
-    planes = _empty_planes(frame)
-    for rows, out in _strips(frame, planes):
-        _strip_code(frame, rows, out)
-    return planes
 
 
 def to_rgb_linear(frame: Frame, *, clip: bool) -> Planes:
@@ -75,40 +65,32 @@ def strip_to_rgb_linear(frame: Frame, rows: slice, clip: bool, out: Planes) -> N
         for plane, target in zip(_colour_planes(frame), out, strict=True):
             cv2.LUT(plane[rows], table, dst=target)
         return
-    if (loaded := library.library()) is not None:
-        by_power = clip and encoding.transfer not in _FROM_ZERO
-        gamma = gamma_of(encoding.transfer) if by_power else None
-        _native_strip(loaded, frame, rows, gamma, out)
-        if not by_power:
-            for target in out:
-                _eotf_in_place(target, encoding.transfer, clip)
-        return
+    _ycbcr_to_linear(frame, rows, clip, out)
+
+
+def _compiled_to_linear(
+    loaded: ctypes.CDLL, frame: Frame, rows: slice, clip: bool, out: Planes
+) -> None:
+    transfer = frame.encoding.transfer
+    by_power = clip and transfer not in _FROM_ZERO
+    _compiled_strip(loaded, frame, rows, gamma_of(transfer) if by_power else None, out)
+    if not by_power:
+        for target in out:
+            _eotf_in_place(target, transfer, clip)
+
+
+@with_compiled_form(_compiled_to_linear)
+def _ycbcr_to_linear(frame: Frame, rows: slice, clip: bool, out: Planes) -> None:
     width = frame.size[0]
     buffers = out if width % _LANES == 0 else _buffers(out[0].shape[0], _padded_width(width))
     _ycbcr_strip(frame, rows, buffers)
     for buffer, target in zip(buffers, out, strict=True):
-        _eotf_in_place(buffer, encoding.transfer, clip)
+        _eotf_in_place(buffer, frame.encoding.transfer, clip)
         if target is not buffer:
             np.copyto(target, buffer[:, :width])
 
 
-def _strip_code(frame: Frame, rows: slice, out: Planes) -> None:
-    if frame.encoding.family != "ycbcr":
-        table = _code_table(frame.encoding.bit_depth, frame.encoding.range)
-        for plane, target in zip(_colour_planes(frame), out, strict=True):
-            cv2.LUT(plane[rows], table, dst=target)
-        return
-    if (loaded := library.library()) is not None:
-        _native_strip(loaded, frame, rows, None, out)
-        return
-    width = frame.size[0]
-    buffers = _buffers(out[0].shape[0], _padded_width(width))
-    _ycbcr_strip(frame, rows, buffers)
-    for buffer, target in zip(buffers, out, strict=True):
-        np.copyto(target, buffer[:, :width])
-
-
-def _native_strip(
+def _compiled_strip(
     loaded: ctypes.CDLL, frame: Frame, rows: slice, gamma: float | None, out: Planes
 ) -> None:
     encoding, (width, height), chroma = frame.encoding, frame.size, frame.planes[1]

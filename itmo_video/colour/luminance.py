@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 from collections.abc import Sequence
 
 import cv2
@@ -11,7 +12,8 @@ from itmo_video.colour import linear_light
 from itmo_video.colour.analysis_picture import averaged
 from itmo_video.colour.primaries import LUMINANCE_WEIGHTS_BANTERLE2006
 from itmo_video.colour.strips import strip_buffers, strips
-from itmo_video.kernels import compiled, library
+from itmo_video.kernels import compiled
+from itmo_video.kernels.dispatch import with_compiled_form
 from itmo_video.model import Float32, Frame
 
 
@@ -24,12 +26,20 @@ def luminance_of(rgb: Sequence[Float32], out: Float32 | None = None) -> Float32:
     return total
 
 
+def _compiled_luminance(
+    loaded: ctypes.CDLL,
+    rgb: Sequence[Float32],
+    ratio: Float32 | None = None,
+    out: Float32 | None = None,
+) -> Float32:
+    return compiled.drive(loaded, rgb, LUMINANCE_WEIGHTS_BANTERLE2006, ratio, out)
+
+
+@with_compiled_form(_compiled_luminance)
 def limited_luminance(
     rgb: Sequence[Float32], ratio: Float32 | None = None, out: Float32 | None = None
 ) -> Float32:
     """Eq. 1 times `ratio`, if any, limited to [0, 1]: float32 of the planes' shape."""
-    if (loaded := library.library()) is not None:
-        return compiled.drive(loaded, rgb, LUMINANCE_WEIGHTS_BANTERLE2006, ratio, out)
     luminance = luminance_of(rgb, out)
     if ratio is not None:
         luminance *= ratio

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from itmo_video.colour.primaries import luminance_weights
 from itmo_video.model import Float32, Float64, Transfer
 
 _GAMMA: dict[Transfer, float] = {"bt1886": 2.4, "gamma22": 2.2, "linear": 1.0}
@@ -99,14 +98,3 @@ def hlg_oetf(scene: Float64 | Float32) -> Float64:
     e = np.clip(np.asarray(scene, np.float64), 0, 1)
     log = _HLG_A * np.log(np.maximum(12 * e - _HLG_B, 1e-9)) + _HLG_C
     return np.asarray(np.where(e <= 1 / 12, np.sqrt(3 * e), log), np.float64)
-
-
-def hlg_nits(rgb_code: Float64, peak_nits: float) -> Float64:
-    """Light in nits of HLG R'G'B' (3, ...): inverse OETF, then OOTF of a display with this peak."""
-    x = np.clip(np.asarray(rgb_code, np.float64), 0, 1)
-    scene = np.where(x <= 0.5, x * x / 3, (np.exp((x - _HLG_C) / _HLG_A) + _HLG_B) / 12)
-    weights = np.array(luminance_weights("rec2020"))
-    y = np.tensordot(weights, scene, 1)
-    return np.asarray(
-        peak_nits * scene * np.maximum(y, 1e-12) ** (hlg_gamma(peak_nits) - 1), np.float64
-    )

@@ -1,4 +1,7 @@
-"""What the compiled library does, where it was built; without it callers use NumPy and OpenCV."""
+"""What the compiled library does, where it was built: the compiled form of each kernel.
+
+Callers call none of these: dispatch.py makes one entry of each and of its plain form.
+"""
 
 from __future__ import annotations
 
@@ -131,7 +134,7 @@ def camera_model(
     sigmas: Sequence[float],
     ridge: float,
 ) -> Float64:
-    """`warp.camera_model` of float64 arrays, in one order of sums on all machines: (3, 2)."""
+    """`flow.camera_model` of float64 arrays, in one order of sums on all machines: (3, 2)."""
     _alike(across, down, texture, *vectors)
     scales, weight, model = np.array(sigmas), np.empty(texture.size), np.empty((2, 3))
     loaded.itmo_camera_model(
@@ -149,7 +152,7 @@ def guided_coefficients(
     epsilon: float,
     share: Float32,
 ) -> tuple[Float32, Float32]:
-    """`upsampling.edge_aware_coefficients`; `share` is one over the pixels of each window."""
+    """`edge_aware_coefficients`; `share` is one over the pixels of each window."""
     is_same = map_small is guide_small
     guide_small = _whole(guide_small)
     map_small = guide_small if is_same else _whole(map_small)
@@ -176,7 +179,7 @@ def guide_rows(
     guards: bool,
     edge_aware: bool,
 ) -> tuple[list[Float32], Float32 | None]:
-    """`guide.Guidance.rows` of the coefficients `small` (planes, h, w): the maps and the ratio.
+    """`guidance.Guidance.rows` of the coefficients `small` (planes, h, w): the maps and the ratio.
 
     `luma` is the whole picture's, (H, W) in codes with black at the first of `levels` and white by
     the second above it; `between` tells for each row the row of `small` above it, and the share of

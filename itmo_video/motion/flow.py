@@ -8,12 +8,13 @@ fetched to `here` by looking it up at (x, y) + flow.
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import cv2
 import numpy as np
 
-from itmo_video.kernels import compiled, library
+from itmo_video.kernels import compiled
+from itmo_video.kernels.dispatch import with_compiled_form
 from itmo_video.model import Code, Float32, Float64
 
 AGREEMENT_SIGMA = 6.0  # 8-bit codes: a difference of this size counts for 1/e as much
@@ -94,31 +95,36 @@ def camera_motion_px(here: Code, flow: Float32) -> Float32:
         return np.zeros_like(flow)
     vectors = np.ascontiguousarray(flow[places].reshape(-1, 2).T, np.float64)
     across, down = (a.ravel() for a in np.meshgrid(x / width - 0.5, y / height - 0.5))
-    model = camera_model(across, down, vectors, texture)
+    model = camera_model(across, down, vectors, texture, CAMERA_SIGMAS_PX, CAMERA_RIDGE)
     # From shares of the picture's sides to pixels.
     model[1:] /= [[width], [height]]
     model[0] -= (model[1] * width + model[2] * height) / 2
     return np.asarray(cv2.transform(_grid(height, width), model[[1, 2, 0]].T), np.float32)
 
 
-def camera_model(across: Float64, down: Float64, vectors: Float64, texture: Float64) -> Float64:
+@with_compiled_form(compiled.camera_model)
+def camera_model(
+    across: Float64,
+    down: Float64,
+    vectors: Float64,
+    texture: Float64,
+    sigmas: Sequence[float],
+    ridge: float,
+) -> Float64:
     """Constant, slope across and slope down (3, 2) of the motion that most places agree on.
 
-    `across`, `down` and `texture` (N,), `vectors` (2, N); reweighted by CAMERA_SIGMAS_PX.
+    `across`, `down` and `texture` (N,), `vectors` (2, N); reweighted by `sigmas`, in pixels, one
+    a round; `ridge` times the weights' sum keeps slopes that nothing tells of at 0.
     """
-    if (loaded := library.library()) is not None:
-        return compiled.camera_model(
-            loaded, across, down, vectors, texture, CAMERA_SIGMAS_PX, CAMERA_RIDGE
-        )
     terms = np.stack([np.ones(across.size), across, down])
     # What the normal equations' two sides add up, each place's share a column.
     products = (terms[:, None] * np.concatenate([terms, vectors])).reshape(15, -1)
     weight, model = texture, np.zeros((3, 2))
-    for sigma_px in CAMERA_SIGMAS_PX:
+    for sigma_px in sigmas:
         # einsum, as BLAS may add up in another order on another machine of a cluster
         sides = np.einsum("kn,n->k", products, weight).reshape(3, 5)
         normal = sides[:, :3]
-        normal[[1, 2], [1, 2]] += CAMERA_RIDGE * normal[0, 0]
+        normal[[1, 2], [1, 2]] += ridge * normal[0, 0]
         model = np.linalg.solve(normal, sides[:, 3:])
         off = np.square(vectors - np.einsum("in,ij->jn", terms, model)).sum(0)
         weight = texture / np.square(1 + off / sigma_px**2)

@@ -11,6 +11,7 @@ did not clip keeps its chromaticity; a channel parts from the others only where 
 
 from __future__ import annotations
 
+import ctypes
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -18,7 +19,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from itmo_video.colour.luminance import luminance_of
-from itmo_video.kernels import compiled, library
+from itmo_video.kernels import compiled
+from itmo_video.kernels.dispatch import with_compiled_form
 from itmo_video.model import Float32
 from itmo_video.operators.auto_levels import clipped_levels
 from itmo_video.operators.auto_rendering import (
@@ -27,7 +29,7 @@ from itmo_video.operators.auto_rendering import (
     known_clipped,
     rendering_of,
 )
-from itmo_video.operators.base import Context, Floats, Guard, Parameter
+from itmo_video.operators.base import Context, Guard, Parameter
 from itmo_video.operators.luminance_operator import weighed
 from itmo_video.operators.photographic import gain_banterle2006
 from itmo_video.operators.protocol import Sees
@@ -66,6 +68,20 @@ def map_auto(rgb_linear: Float32, context: Context, wrap_x: bool = False) -> Flo
     return maps
 
 
+def _compiled_gain_auto(
+    loaded: ctypes.CDLL,
+    rgb: Sequence[Float32],
+    ratio: Float32 | None,
+    maps: Sequence[Float32],
+    context: Context,
+) -> list[Float32]:
+    gate = OPEN_FROM, OPEN_CENTRE, OPEN_SLOPE / math.log(2), _OPEN_LOW, _OPEN_WHITE
+    steep = (APART_FROM, APART_WHOLLY, float(context.hue == "restore"))
+    bound = (APART_STOPS, CLIPS_FROM, CLIPS_WHOLLY)
+    return compiled.gain_auto(loaded, rgb, ratio, maps, gate, steep, bound, context.l_max)
+
+
+@with_compiled_form(_compiled_gain_auto)
 def gain_auto(
     rgb: Sequence[Float32], ratio: Float32 | None, maps: Sequence[Float32], context: Context
 ) -> list[Float32]:
@@ -75,11 +91,6 @@ def gain_auto(
     None; `maps` the four of map_auto, or none: all that clips goes to L'max then.
     """
     l_max, apart = context.l_max, context.hue == "restore"
-    if (loaded := library.library()) is not None:
-        gate = OPEN_FROM, OPEN_CENTRE, OPEN_SLOPE / math.log(2), _OPEN_LOW, _OPEN_WHITE
-        steep = (APART_FROM, APART_WHOLLY, float(apart))
-        bound = (APART_STOPS, CLIPS_FROM, CLIPS_WHOLLY)
-        return compiled.gain_auto(loaded, rgb, ratio, maps, gate, steep, bound, l_max)
     peak_stops = np.float32(math.log2(l_max))
     limited = [np.clip(plane, 0, 1) for plane in rgb]
     curve: Float32 | np.float32 = np.float32(0)
@@ -128,13 +139,6 @@ def _stops_apart(limited: Sequence[Float32], peak_stops: np.float32) -> Float32:
     dark = np.float32(1e-3)
     colour_stops = np.log2(np.maximum(greatest, dark) / np.maximum(least, dark))
     return np.asarray(free + np.float32(APART_STOPS) * colour_stops, np.float32)
-
-
-def curve_auto(luminance: Floats, context: Context) -> Floats:
-    """Expanded grey of any float type where all that clips goes to L'max: no maps."""
-    share = 1 / (1 + np.exp(-OPEN_SLOPE * (luminance - OPEN_CENTRE)))
-    gate = np.clip((share - _OPEN_LOW) / (_OPEN_WHITE - _OPEN_LOW), 0, None)
-    return np.asarray(luminance * context.l_max**gate)
 
 
 @dataclass(frozen=True)

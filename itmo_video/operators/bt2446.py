@@ -37,14 +37,8 @@ def curve_bt2446a(luminance: Floats, context: Context) -> Floats:
     return context.l_max * expanded**2.4
 
 
-def forward_bt2446c(hdr_nits: Floats) -> Floats:
-    """Section 6.1.4: SDR luminance of HDR luminance, both in cd/m2 (SDR white 100)."""
-    above = np.maximum(hdr_nits, KNEE_HDR)
-    return np.where(hdr_nits < KNEE_HDR, K1 * hdr_nits, K2 * np.log(above / KNEE_HDR - K3) + K4)
-
-
 def curve_bt2446c(luminance: Floats, context: Context) -> Floats:
-    """The inverse of `forward_bt2446c` in units of HDR reference white, at most L'max.
+    """The inverse of section 6.1.4's curve in units of HDR reference white, at most L'max.
 
     The report's curve is absolute and has no L'max: SDR white, 100 cd/m2, becomes 332. (Its peak
     of 1000 is reached by SDR codes of 109 %.) Departs from the report: no crosstalk matrix, and

@@ -8,7 +8,8 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from itmo_video.kernels import compiled, library
+from itmo_video.kernels import compiled
+from itmo_video.kernels.dispatch import with_compiled_form
 from itmo_video.model import Float32
 from itmo_video.operators.base import Context, Floats
 from itmo_video.operators.luminance_operator import LuminanceOperator
@@ -36,8 +37,11 @@ def gain_banterle2006(luminance: Float32, context: Context) -> Float32:
     scale = context.scale
     l_max = context.l_max if scale is None else context.l_white * scale
     slope, factor = 4.0 / context.l_white**2, 2.0 * l_max / context.l_white
-    if (loaded := library.library()) is not None:
-        return compiled.gain_banterle2006(loaded, luminance, slope, factor)
+    return _gain_banterle2006(luminance, slope, factor)
+
+
+@with_compiled_form(compiled.gain_banterle2006)
+def _gain_banterle2006(luminance: Float32, slope: float, factor: float) -> Float32:
     rest = np.float32(1) - luminance
     root = rest * rest
     root += np.float32(slope) * luminance

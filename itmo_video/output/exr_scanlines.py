@@ -9,6 +9,7 @@ same to the bit. (ISA-L is quick as well, but now and then packs the same bytes 
 
 from __future__ import annotations
 
+import ctypes
 import functools
 import struct
 from collections.abc import Callable, Iterator, Mapping
@@ -18,7 +19,8 @@ import numpy as np
 import numpy.typing as npt
 
 from itmo_video.compressions import COMPRESSIONS
-from itmo_video.kernels import compiled, library
+from itmo_video.kernels import compiled
+from itmo_video.kernels.dispatch import with_compiled_form
 
 Planes = Mapping[str, npt.NDArray[Any]]
 Bytes2D = npt.NDArray[np.uint8]
@@ -95,17 +97,21 @@ def _zip_chunks(planes: list[npt.NDArray[Any]], lines: int) -> Iterator[bytes]:
                 yield struct.pack("<ii", top + start + i * lines, len(data)) + data
 
 
-def _packer(group: Bytes2D, lines: int) -> Callable[[Bytes2D], list[bytes]]:
+def _lesser_packer(
+    loaded: ctypes.CDLL, group: Bytes2D, lines: int
+) -> Callable[[Bytes2D], list[bytes]]:
     """Whatever makes the less of a line or two in the group's middle, as a block of their own."""
-    loaded = library.library()
-    if loaded is None:
-        return _deflated
     middle = len(group) // 2
     sample = Predictor().predict(group[middle : middle + min(lines, 2)].reshape(1, -1))
     by_code = compiled.pack_literals(loaded, sample)
     if len(_deflated(sample)[0]) < len(by_code[0]):
         return _deflated
     return functools.partial(compiled.pack_literals, loaded)
+
+
+@with_compiled_form(_lesser_packer)
+def _packer(group: Bytes2D, lines: int) -> Callable[[Bytes2D], list[bytes]]:
+    return _deflated
 
 
 def _deflated(blocks: Bytes2D) -> list[bytes]:

@@ -12,10 +12,12 @@ from itmo_video.colour import linear_light, primaries
 from itmo_video.colour.analysis_picture import analysis_guide
 from itmo_video.colour.luminance import frame_luminance, limited_luminance, luminance_of
 from itmo_video.colour.strips import strip_buffers, strips
-from itmo_video.kernels import compiled, library
+from itmo_video.kernels import compiled
+from itmo_video.kernels.dispatch import with_compiled_form
 from itmo_video.look import Look, context_of
 from itmo_video.model import Float32, Float64, Frame, Half
 from itmo_video.operators import LuminanceOperator
+from itmo_video.operators.luminance_operator import weighed
 from itmo_video.rendering.guidance import Guidance
 
 HALF_MAX = 65504.0
@@ -66,18 +68,17 @@ def render(
     alpha = _alpha(frame)
     out = np.empty((3, height, width), np.float16)  # at once: NumPy asks for huge pages
     layers = {f"{name}.Y": np.empty((height, width), np.float16) for name in settings.layers}
-    is_plain = not (limit or layers) and alpha is None and matrix is None
     part, more = min(settings.strength, 1.0), max(settings.strength - 1, 0.0)
-    loops = library.library() if is_plain and not more else None
+    is_plain = not (limit or layers or more) and alpha is None and matrix is None
     for rows in strips(height):
         rgb = strip_buffers(rows, width)
         linear_light.strip_to_rgb_linear(frame, rows, clip, rgb)
         maps, denoise = guidance.rows(rows)
-        if loops is not None and isinstance(operator, LuminanceOperator) and len(maps) == 1:
-            # The same as below in one pass over the strip.
+        if is_plain and isinstance(operator, LuminanceOperator) and len(maps) == 1:
+            # The same as below, where it is compiled in one pass over the strip.
             gain = operator.gain(limited_luminance(rgb, denoise), context)
             base = operator.base_gain(context)
-            compiled.expand(loops, rgb, gain, maps[0], base, part, out[:, rows])
+            expand(rgb, gain, maps[0], base, part, out[:, rows])
             continue
         gains = operator.gains(rgb, denoise, maps, context, part)
         if more:
@@ -156,6 +157,22 @@ def _write_strip(
         ]
     for plane, target in zip(expanded, out, strict=True):
         target[...] = np.clip(plane, -HALF_MAX, HALF_MAX)
+
+
+@with_compiled_form(compiled.expand)
+def expand(
+    rgb: Sequence[Float32],
+    gain: Float32,
+    weight: Float32,
+    base: float,
+    strength: float,
+    out: Half,
+) -> None:
+    """Planes times 1 + strength * (base + weight * (gain - base) - 1) as halves into `out`.
+
+    All planes are of one shape; `gain` may be overwritten.
+    """
+    _write_strip(rgb, weighed(gain, [weight], base, strength), None, False, out)
 
 
 def _alpha(frame: Frame) -> Float32 | None:

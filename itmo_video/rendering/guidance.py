@@ -6,12 +6,15 @@ up a strip of rows at a time, so any strip gives the bytes of the whole frame.
 
 from __future__ import annotations
 
+import ctypes
+
 import cv2
 import numpy as np
 
 from itmo_video.colour.analysis_picture import guide_codes
 from itmo_video.expand_map import density
-from itmo_video.kernels import compiled, library
+from itmo_video.kernels import compiled
+from itmo_video.kernels.dispatch import with_compiled_form
 from itmo_video.model import Code, Float32, Frame
 from itmo_video.operators.base import GRAIN, Guard
 from itmo_video.rendering import guided_upsampling
@@ -101,21 +104,14 @@ class Guidance:
         """
         if self._small is None:
             return [], None
+        if self._wraps or not (self._guards or self._edge_aware):
+            return self.rows_plainly(rows)
+        return _guided_rows(self, rows)
+
+    def rows_plainly(self, rows: slice) -> tuple[list[Float32], Float32 | None]:
+        """`rows` by NumPy and OpenCV."""
+        assert self._small is not None
         width, height = self._frame.size
-        loaded = library.library()
-        if loaded is not None and not self._wraps and (self._guards or self._edge_aware):
-            above, _, part, _ = guided_upsampling.rows_between(
-                rows.start, rows.stop, self._small.shape[1], height
-            )
-            return compiled.guide_rows(
-                loaded,
-                *self._luma(),
-                rows,
-                self._small,
-                (above, part),
-                guards=self._guards,
-                edge_aware=self._edge_aware,
-            )
         full = list(
             guided_upsampling.upsample_rows(self._small, rows, (height, width), self._wraps)
         )
@@ -138,6 +134,24 @@ class Guidance:
             np.clip(a, 0, 1, out=a)
         return full[::2], ratio
 
+    def rows_compiled(
+        self, loaded: ctypes.CDLL, rows: slice
+    ) -> tuple[list[Float32], Float32 | None]:
+        """`rows` by the compiled library: no panoramas, whose edges meet."""
+        assert self._small is not None
+        above, _, part, _ = guided_upsampling.rows_between(
+            rows.start, rows.stop, self._small.shape[1], self._frame.size[1]
+        )
+        return compiled.guide_rows(
+            loaded,
+            *self._luma(),
+            rows,
+            self._small,
+            (above, part),
+            guards=self._guards,
+            edge_aware=self._edge_aware,
+        )
+
     def _luma(self) -> tuple[Code | Float32, tuple[float, float]]:
         """The picture's luma in codes, with black and white above it; of RGB made once."""
         if self._frame.encoding.family != "rgb":
@@ -145,3 +159,14 @@ class Guidance:
         if self._codes is None:
             self._codes = guide_codes(self._frame)
         return self._codes, (0.0, 1.0)
+
+
+def _compiled_rows(
+    loaded: ctypes.CDLL, guidance: Guidance, rows: slice
+) -> tuple[list[Float32], Float32 | None]:
+    return guidance.rows_compiled(loaded, rows)
+
+
+@with_compiled_form(_compiled_rows)
+def _guided_rows(guidance: Guidance, rows: slice) -> tuple[list[Float32], Float32 | None]:
+    return guidance.rows_plainly(rows)

@@ -9,7 +9,8 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from itmo_video.kernels import compiled, library
+from itmo_video.kernels import compiled
+from itmo_video.kernels.dispatch import with_compiled_form
 from itmo_video.model import Float32
 
 Floats: TypeAlias = npt.NDArray[np.floating[Any]]
@@ -74,11 +75,13 @@ def edge_aware_coefficients(
     if radius_px < 0 or not epsilon > 0.0:
         raise ValueError(f"needs radius_px >= 0 and epsilon > 0, not {radius_px}, {epsilon}")
     share = _window_share(*map_small.shape, radius_px)
-    if (loaded := library.library()) is not None:
-        return compiled.guided_coefficients(
-            loaded, map_small, guide_small, radius_px, epsilon, share
-        )
+    return _guided_coefficients(map_small, guide_small, radius_px, epsilon, share)
 
+
+@with_compiled_form(compiled.guided_coefficients)
+def _guided_coefficients(
+    map_small: Float32, guide_small: Float32, radius_px: int, epsilon: float, share: Float32
+) -> tuple[Float32, Float32]:
     def mean(image: Floats) -> Float32:
         return np.asarray(_box_sum(image, radius_px) * share, np.float32)
 
