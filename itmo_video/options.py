@@ -42,7 +42,11 @@ class Spec:
         if isinstance(value, str) and value in self.words:
             return value
         if self.kind is float and isinstance(value, int) and not isinstance(value, bool):
-            value = float(value)
+            try:
+                value = float(value)
+            except OverflowError:
+                told = f"{name} must be {self.bounds_in_words or 'a number'}, not one of 300 digits"
+                raise UsageError(f"{told} and more") from None
         if self.kind is tuple and isinstance(value, list):
             value = tuple(value)
         if self.kind is Path and isinstance(value, str | os.PathLike):

@@ -138,7 +138,7 @@ def test_what_is_no_sdr_picture_is_refused_in_words() -> None:
         expand_frames([], make_settings(fps="25"))  # at the call, not at the first picture
     with pytest.raises(UsageError, match="primaries must be one of"):
         expand_frames([], primaries="rec601")  # type: ignore[arg-type]
-    with pytest.raises(UsageError, match="jobs must be 1 or more"):
+    with pytest.raises(UsageError, match="jobs must be from 1 to 4096"):
         expand_frames([], jobs=0)
     with pytest.raises(UsageError, match="linear light"):
         expand(ok, make_settings(transfer="bt1886"))

@@ -60,7 +60,8 @@ def test_log_gain_and_background() -> None:
 def folder(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
     base = tmp_path_factory.mktemp("evaluate")
     clip = write_ffv1(base / "c.mkv", moving_scene(16, cuts=(8,)))
-    convert(clip, base / "out", make_settings(layers=("expand_map",), compression="none"))
+    settings = make_settings("paper", layers=("expand_map",), compression="none")
+    convert(clip, base / "out", settings)
     return clip, base / "out"
 
 

@@ -14,8 +14,9 @@ import command
 import cv2
 import numpy as np
 import pytest
+from PIL import Image
 
-from itmo_video import RunOptions, convert, make_settings, read_exr
+from itmo_video import RunOptions, convert, make_settings, open_clip, read_exr
 from itmo_video.colour.transfer import eotf, pq_code
 from itmo_video.delivery.gain_map import GainMapMetadata, gain_map_jpeg
 
@@ -64,6 +65,18 @@ def by_libultrahdr(data: bytes) -> Picture:
         pytest.skip("imagecodecs without libultrahdr")
     rgba = codecs.ultrahdr_decode(data, dtype="float16", transfer=0, boost=PEAK)
     return rgba[..., :3].astype(np.float64)
+
+
+def test_its_sdr_base_is_what_the_reader_gives(tmp_path: Path) -> None:
+    """OpenImageIO gives the HDR rendition of such a file, unasked, in half floats."""
+    sdr, hdr = pictures()
+    path = tmp_path / "ultra.jpg"
+    path.write_bytes(gain_map_jpeg(sdr, hdr, PEAK))
+    with open_clip(path) as clip, Image.open(path) as base:
+        frame = next(iter(clip.frames()))
+        assert frame.encoding.bit_depth == 8
+        assert any("gain map" in notice for notice in clip.info.notices)
+        np.testing.assert_array_equal(np.dstack(frame.planes), np.asarray(base.convert("RGB")))
 
 
 @pytest.mark.parametrize("decoder", [by_formula, by_libultrahdr])

@@ -75,10 +75,10 @@ def test_what_is_out_of_bounds_is_refused_when_the_options_are_made(
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (["convert", "{clip}", "{out}", "--jobs", "-1"], "jobs must be 1 or more"),
+        (["convert", "{clip}", "{out}", "--jobs", "-1"], "jobs must be from 1 to 4096"),
         (["convert", "{clip}", "{out}", "--start-number", "-5"], "start-number must be 0 or more"),
         (["convert", "{clip}", "{out}", "--max-pixels", "0"], "max-pixels must be 1 or more"),
-        (["preview", "{clip}", "{out}.mp4", "--jobs", "-3"], "jobs must be 1 or more"),
+        (["preview", "{clip}", "{out}.mp4", "--jobs", "-3"], "jobs must be from 1 to 4096"),
         (["preview", "{clip}", "{out}.mp4", "--start-number", "-5"], "start-number must be 0"),
         (["preview", "{clip}", "{out}.mp4", "--max-pixels", "-1"], "max-pixels must be 1"),
         (["preview", "{clip}", "{out}.mp4", "--crf", "64"], "crf must be from 0 to 63"),
@@ -165,3 +165,14 @@ def test_named_numbers_are_gathered() -> None:
     assert options_of(args, _Checks).limits == {"a": 1, "b": 2.5}
     with pytest.raises(UsageError, match="NAME=VALUE"):
         options_of(parser.parse_args(["--limits", "a"]), _Checks)
+
+
+@pytest.mark.parametrize("value", [10**400, -(10**400)])
+def test_numbers_too_long_for_a_float_are_refused(value: int) -> None:
+    with pytest.raises(UsageError, match="l-max must be from 1 to 60000"):
+        make_settings(l_max=value)
+
+
+def test_more_jobs_than_a_machine_can_have_are_refused() -> None:
+    with pytest.raises(UsageError, match="jobs must be from 1 to 4096"):
+        RunOptions(jobs=2**63)

@@ -27,7 +27,9 @@ class RunOptions:
     start_number: int | None = option(
         None, int, "of the first frame (1; image sequences keep their own)", lower=0, metavar="N"
     )
-    jobs: int | None = option(None, int, "worker threads (the cores)", lower=1, metavar="N")
+    jobs: int | None = option(
+        None, int, "worker threads (the cores)", lower=1, upper=4096, metavar="N"
+    )
     overwrite: bool = option(False, bool, "replace what is there; of a folder, all frames")
     update: bool = option(False, bool, "make again what other settings made")
     durable: bool = option(False, bool, "wait until each file is on the disk")

@@ -273,9 +273,9 @@ class _Input:
             os.write(self._wake, b"x")
 
     def __del__(self) -> None:
-        for descriptor in (self._fd, self._woken, self._wake):
+        for name in ("_fd", "_woken", "_wake"):  # those that it came to
             with suppress(OSError, AttributeError):
-                os.close(descriptor)
+                os.close(getattr(self, name))
 
 
 def _digest(first: Any) -> str:

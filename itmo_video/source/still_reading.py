@@ -65,7 +65,8 @@ def read_still(path: Path, kind: StillFormat, max_pixels: int) -> StillPicture:
     facts = _checked(data, kind, where)
     if kind == "avif":
         picture = avif.read_still(data, max_pixels, where)
-    elif kind in _BY_PILLOW:
+    elif kind in _BY_PILLOW or (kind == "jpeg" and has_gain_map(data, kind)):
+        # OpenImageIO applies the gain map of an Ultra HDR JPEG unasked; Pillow reads the SDR base.
         picture = pillow_stills.read_still(data, kind, max_pixels, where)
     else:
         found = oiio_stills.read_still(path, kind, max_pixels)
