@@ -10,6 +10,7 @@ from typing import Any, Literal
 
 import av
 
+from itmo_video.errors import InputError
 from itmo_video.source.packets import Packets, decoder_limit, open_video, read_packets
 
 _INDEXED = ("mov", "matroska", "avi", "mxf")  # containers that are read by whole packets
@@ -102,6 +103,8 @@ def decode_all(
             frames = []
             if on_error(packet):
                 return
+        except ValueError as error:  # PyAV 19 where FFmpeg has no decoder for the stream
+            raise InputError("its video codec is unknown, nothing here decodes it") from error
         yield from frames
         if packet is None or packet.size == 0:
             return
