@@ -11,8 +11,8 @@ import pytest
 from clips import moving_scene
 
 from itmo_video.model import Encoding, Float32, Frame
+from itmo_video.motion.cut_detection import Analysed, analyse_frame, difference, place
 from itmo_video.motion.keyframes import Span, spans
-from itmo_video.motion.shots import Analysed, analyse_frame, difference, place
 
 GREY = Encoding("grey", 8, "bt709", "full", "srgb", "rec709")
 

@@ -19,7 +19,7 @@ from itmo_video.colour.luminance import limited_luminance
 from itmo_video.errors import DamagedInputError, InputError
 from itmo_video.events import FrameDone, OnEvent, Warned, ignore
 from itmo_video.model import Frame
-from itmo_video.motion.shots import Analysed, analyse_frame, difference, place
+from itmo_video.motion.cut_detection import Analysed, analyse_frame, difference, place
 from itmo_video.operators.auto_rendering import Rendering, rendering_of
 from itmo_video.presets import make_settings
 from itmo_video.settings import Settings

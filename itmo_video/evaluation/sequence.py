@@ -23,7 +23,7 @@ from itmo_video.evaluation.folders import (
 )
 from itmo_video.events import FrameDone, OnEvent, ignore
 from itmo_video.model import Code, Float32
-from itmo_video.motion.shots import CUT_REACH, Analysed, analyse_frame, place
+from itmo_video.motion.cut_detection import CUT_REACH, Analysed, analyse_frame, place
 from itmo_video.output.exr import read_exr
 from itmo_video.source.opening import Clip
 from itmo_video.untrusted import read_json

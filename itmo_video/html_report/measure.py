@@ -19,7 +19,7 @@ from itmo_video.delivery.pictures import Picture
 from itmo_video.errors import DamagedInputError
 from itmo_video.evaluation import flicker
 from itmo_video.model import Code, Float32, Float64
-from itmo_video.motion.shots import TINY_SIZE, analyse_frame, place
+from itmo_video.motion.cut_detection import TINY_SIZE, analyse_frame, place
 
 BINS_A_STOP = 2
 LOWEST_STOP = -14

@@ -14,7 +14,7 @@ import numpy as np
 
 from itmo_video.model import Code, Float32
 from itmo_video.motion import flow as flow_room
-from itmo_video.motion.shots import CUT_REACH, Analysed, Placed
+from itmo_video.motion.cut_detection import CUT_REACH, Analysed, Placed
 
 
 @dataclass(eq=False)

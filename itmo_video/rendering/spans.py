@@ -23,9 +23,9 @@ from itmo_video.expand_map.key_map import make_key_map
 from itmo_video.look import Look
 from itmo_video.model import Float32, Frame
 from itmo_video.motion import flow, keyframes
+from itmo_video.motion.cut_detection import CUT_REACH, Analysed, analyse_frame, place
 from itmo_video.motion.flow import FindFlow, flow_px
 from itmo_video.motion.keyframes import Span
-from itmo_video.motion.shots import CUT_REACH, Analysed, analyse_frame, place
 from itmo_video.rendering.frame import Rendered, render
 from itmo_video.rendering.map_settings import shares_maps
 from itmo_video.rendering.opencv_threads import single_opencv_thread

@@ -19,9 +19,9 @@ from itmo_video.errors import DamagedInputError
 from itmo_video.expand_map.key_map import key_lights, make_key_map
 from itmo_video.look import Look
 from itmo_video.model import Code, Float32, Frame, Half
+from itmo_video.motion.cut_detection import Analysed, analyse_frame
 from itmo_video.motion.flow import flow_px
 from itmo_video.motion.keyframes import Span
-from itmo_video.motion.shots import Analysed, analyse_frame
 from itmo_video.rendering import spans
 from itmo_video.rendering.frame import render
 from itmo_video.rendering.map_settings import map_settings
