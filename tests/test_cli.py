@@ -33,7 +33,7 @@ def clip(tmp_path_factory: pytest.TempPathFactory) -> Path:
         (["--frames", "5-900"], "not in the clip"),
         (["--frames", "abc"], "not a frame range"),
         (["--compression", "lzw"], "invalid choice"),
-        (["--jobs", "0"], "must be 1 or more"),
+        (["--jobs", "0"], "jobs must be from 1 to 4096"),
         (["--nonsense"], "unrecognized"),
         (["--peak-nits", "100"], "below white-nits"),
         (["--operator-param", "x"], "NAME=VALUE"),
