@@ -16,6 +16,7 @@ from itmo_video.delivery.from_clip import from_clip
 from itmo_video.delivery.from_folder import from_folder
 from itmo_video.delivery.preview_options import PreviewOptions
 from itmo_video.delivery.still_files import STILLS, check_still_options, write_still
+from itmo_video.delivery.views import check_view
 from itmo_video.delivery.y4m import is_stream_output
 from itmo_video.errors import DamagedInputError, UsageError
 from itmo_video.events import Finished, OnEvent, Started, Warned, ignore
@@ -125,6 +126,7 @@ def preview(
 
 def _check(output: Path, options: PreviewOptions) -> None:
     suffix = output.suffix.lower()
+    check_view(options)
     if suffix in STILLS:
         check_still_options(suffix, options)
     elif options.frame is not None:

@@ -10,7 +10,8 @@ from itmo_video.options import check_options, option
 
 View = Literal["hdr10", "hlg", "sdr", "compare", "false-colour", "ladder"]
 OF_VIEW = (
-    "view", "frame", "tone_map", "layout", "wipe_at", "hdr_compare", "scale", "clip",
+    "view", "frame", "tone_map", "exposure", "layout", "wipe_at", "hdr_compare", "no_labels",
+    "scale", "clip",
 )  # fmt: skip
 OF_ENCODING = ("no_audio", "codec", "chroma", "depth", "crf", "speed")
 
@@ -37,6 +38,10 @@ class PreviewOptions:
         "bt2390", str, "how HDR is brought back to SDR",
         choices=("bt2390", "reinhard", "hable", "aces", "clip"),
     )  # fmt: skip
+    exposure: float = option(
+        0.0, float, "of sdr and compare, in stops, before the tone map", lower=-20, upper=20,
+        metavar="STOPS",
+    )  # fmt: skip
     layout: Literal["side", "wipe"] = option(
         "side", str, "of compare: side by side, or a wipe", choices=("side", "wipe")
     )
@@ -44,8 +49,12 @@ class PreviewOptions:
     hdr_compare: bool = option(
         False, bool, "compare as an HDR10 film instead of tone-mapped", flag="in-hdr"
     )
+    no_labels: bool = option(False, bool, "leave the names of both sides out of compare")
     scale: Literal["stops", "nits"] = option(
-        "stops", str, "false colour's legend", choices=("stops", "nits")
+        "stops",
+        str,
+        "false colour in half stops about SDR white, or in round nits",
+        choices=("stops", "nits"),
     )
     clip: Path | None = option(
         None, Path, "a folder's source: sound, compare", flag="source", metavar="CLIP"

@@ -1,4 +1,4 @@
-"""HDR pictures for SDR monitors: tone-mapped back, as false colour, exposures, side by side.
+"""HDR pictures for SDR monitors: tone-mapped back, exposures, side by side.
 
 Pure: linear light in, 1.0 = SDR white; pictures out are nonlinear R'G'B' in [0, 1], float32
 (height, width, 3), BT.709 primaries.
@@ -16,15 +16,13 @@ import numpy.typing as npt
 
 from itmo_video.colour import linear_light, transfer
 from itmo_video.colour.primaries import rgb_to_rgb_matrix
+from itmo_video.delivery.lettering import labelled
 from itmo_video.model import Float32, Frame, Half
 
 Picture = npt.NDArray[np.float32]
-Scale = Literal["stops", "nits"]
 Layout = Literal["side", "wipe"]
 
 _GAMMA = 1 / 2.4  # SDR monitors are BT.1886
-_WEIGHTS = (0.2126, 0.7152, 0.0722)
-LEGEND_ROWS_MIN = 24
 
 
 def reinhard(level: Float32, peak: float) -> Float32:
@@ -130,76 +128,10 @@ def ladder(linear: Picture, peak: float) -> Picture:
     small = np.asarray(cv2.resize(linear, size, interpolation=cv2.INTER_AREA), np.float32)
     stops = float(np.log2(max(peak, 1.0)))
     shown = [
-        _labelled(encoded(small * np.float32(2.0**-down)), f"{-down or 0:.1f} stops")
+        labelled(encoded(small * np.float32(2.0**-down)), [f"{-down or 0:+.1f} stops", "..."])
         for down in (0.0, stops / 2, stops)
     ]
     return np.concatenate(shown, axis=1)
-
-
-def false_colour(linear: Picture, scale: Scale, white_nits: float, peak: float) -> Picture:
-    """Luminance as colours that colour-blind people tell apart (cividis), one step a stop.
-
-    A legend stands below the picture: in stops about SDR white, or in nits.
-    """
-    luminance = linear @ np.array(_WEIGHTS, np.float32)
-    low, high = false_colour_range(peak)
-    stops = np.log2(np.maximum(luminance, 2.0 ** (low - 1)))
-    level = np.clip((np.floor(stops * 2) / 2 - low) / (high - low), 0, 1)
-    colours = _cividis(level)
-    return np.concatenate(
-        [colours, _legend(linear.shape[1], linear.shape[0], scale, white_nits, peak)]
-    )
-
-
-def false_colour_range(peak: float) -> tuple[int, int]:
-    """Lowest and highest stop shown, relative to SDR white."""
-    return -8, max(1, int(np.ceil(np.log2(max(peak, 1.0)))))
-
-
-def _cividis(level: Any) -> Picture:
-    codes = np.asarray(np.round(level * 255), np.uint8)
-    bgr = cv2.applyColorMap(np.ascontiguousarray(codes), cv2.COLORMAP_CIVIDIS)
-    return np.ascontiguousarray(bgr[..., ::-1]).astype(np.float32) / np.float32(255)
-
-
-def _legend(width: int, height: int, scale: Scale, white_nits: float, peak: float) -> Picture:
-    rows = max(LEGEND_ROWS_MIN, height // 14)
-    low, high = false_colour_range(peak)
-    at = low + (np.arange(width) + 0.5) / width * (high - low)
-    bar = _cividis(np.broadcast_to((np.floor(at * 2) / 2 - low) / (high - low), (rows, width)))
-    text_scale = rows / 56
-    every = max(1, int(np.ceil((high - low) * 200 * text_scale / max(width, 1))))
-    for stop in range(low, high, every):
-        x = int((stop - low) / (high - low) * width) + 2
-        text = f"{stop:+d}" if scale == "stops" else f"{white_nits * 2.0**stop:.3g}"
-        if stop == low:
-            text += f" {scale}"
-        ink = (0.0, 0.0, 0.0) if (stop - low) / (high - low) > 0.5 else (1.0, 1.0, 1.0)
-        bar[:, max(0, x - 2) : x - 1] = ink
-        _write(bar, text, (x, int(rows * 0.68)), text_scale, ink)
-    return bar
-
-
-def _labelled(picture: Picture, text: str) -> Picture:
-    scale = max(0.35, picture.shape[0] / 700)
-    at = (int(8 * scale), picture.shape[0] - int(12 * scale))
-    _write(picture, text, (at[0] + 1, at[1] + 1), scale, (0, 0, 0))
-    _write(picture, text, at, scale, (1, 1, 1))
-    return picture
-
-
-def _write(
-    picture: Picture,
-    text: str,
-    at: tuple[int, int],
-    scale: float,
-    ink: tuple[float, ...],
-) -> None:
-    # OpenCV writes on 8-bit pictures only, so it writes a mask.
-    mask = np.zeros(picture.shape[:2], np.uint8)
-    cv2.putText(mask, text, at, cv2.FONT_HERSHEY_SIMPLEX, scale, 255, 1, cv2.LINE_AA)
-    cover = mask[..., None] / np.float32(255)
-    picture += cover * (np.array(ink, np.float32) - picture)
 
 
 @functools.lru_cache(maxsize=8)

@@ -10,10 +10,13 @@ from typing import Any
 import numpy as np
 
 from itmo_video.delivery import hdr, sdr
+from itmo_video.delivery.false_colour import false_colour
 from itmo_video.delivery.film_spec import Signal
 from itmo_video.delivery.hdr import Chroma, Light, YCbCr
+from itmo_video.delivery.lettering import labelled
 from itmo_video.delivery.pictures import Picture, Pictures
 from itmo_video.delivery.preview_options import PreviewOptions
+from itmo_video.errors import UsageError
 
 
 @dataclass(frozen=True)
@@ -33,6 +36,15 @@ def signal_of(options: PreviewOptions) -> Signal:
     return "hlg" if options.view == "hlg" else "sdr"
 
 
+def check_view(options: PreviewOptions) -> None:
+    """Raise UsageError for options that the view has no use for."""
+    is_mapped = options.view == "sdr" or (options.view == "compare" and not options.hdr_compare)
+    if options.exposure and not is_mapped:
+        raise UsageError(
+            "--exposure is for views that are tone-mapped", remedy="Take --as sdr or --as compare."
+        )
+
+
 def light_of(
     picture: Picture, pictures: Pictures, options: PreviewOptions
 ) -> tuple[Sequence[Any], str, float]:
@@ -42,8 +54,7 @@ def light_of(
         return picture.rgb, pictures.primaries, white
     assert picture.source is not None
     source = sdr.source_picture(picture.source)
-    result = sdr.to_709(picture.rgb, pictures.primaries)
-    both = sdr.composed(source, result, options.layout, options.wipe_at)
+    both = _both(source, sdr.to_709(picture.rgb, pictures.primaries), pictures, options)
     return [np.ascontiguousarray(both[..., i]) for i in range(3)], "rec709", white
 
 
@@ -52,14 +63,30 @@ def sdr_view(picture: Picture, pictures: Pictures, options: PreviewOptions) -> s
     linear = sdr.to_709(picture.rgb, pictures.primaries)
     peak = pictures.peak_nits / pictures.white_nits
     if options.view == "false-colour":
-        return sdr.false_colour(linear, options.scale, pictures.white_nits, peak)
+        return false_colour(linear, options.scale, pictures.white_nits, peak)
     if options.view == "ladder":
         return sdr.ladder(linear, peak)
-    result = sdr.tone_mapped(linear, options.tone_map, peak)
+    gain = np.float32(2.0**options.exposure)
+    # Exposed down until the peak is white, nothing is left to be mapped.
+    result = sdr.tone_mapped(linear * gain, options.tone_map, max(1.0, peak * float(gain)))
     if options.view == "sdr":
         return result
     assert picture.source is not None
-    source = sdr.encoded(sdr.source_picture(picture.source))
+    source = sdr.encoded(sdr.source_picture(picture.source) * gain)
+    return _both(source, result, pictures, options)
+
+
+def _both(
+    source: sdr.Picture, result: sdr.Picture, pictures: Pictures, options: PreviewOptions
+) -> sdr.Picture:
+    """Source and result in one picture, each with its name in it."""
+    if not options.no_labels:
+        told = f"HDR {pictures.peak_nits:.0f} nits"
+        full = told if options.hdr_compare else f"{told}, shown by {options.tone_map}"
+        stops = f", {options.exposure:+g} stops" if options.exposure else ""
+        is_wipe = options.layout == "wipe"
+        source = labelled(source, [f"SDR source{stops}", "SDR"])
+        result = labelled(result, [f"{full}{stops}", told, "HDR"], "right" if is_wipe else "left")
     return sdr.composed(source, result, options.layout, options.wipe_at)
 
 

@@ -1,0 +1,69 @@
+"""Words on pictures: labels on plates, and text for legends, in the font that Pillow carries.
+
+Pictures are (H, W, 3) float32, linear or not; 1.0 is written as white.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Sequence
+from typing import Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from itmo_video.model import Float32
+
+Picture = npt.NDArray[np.float32]
+Side = Literal["left", "right"]
+
+_SMALLEST_PX = 9
+_PLATE = np.float32(0.25)  # what is left of the picture's light behind a label
+
+
+def label_size(picture: Picture) -> int:
+    """The height of a label's letters in pixels: small, but read from where a film is watched."""
+    height, width = picture.shape[:2]
+    return max(_SMALLEST_PX, min(int(height), int(width)) // 28)
+
+
+def labelled(picture: Picture, texts: Sequence[str], side: Side = "left") -> Picture:
+    """A copy with the first of `texts` that fits in a bottom corner, on a darkened plate.
+
+    `texts` go from the longest to the shortest, which is cut where even that one does not fit.
+    """
+    height, width = picture.shape[:2]
+    size = label_size(picture)
+    pad = max(2, size // 3)
+    masks = [text_mask(text, size) for text in texts]
+    mask = next((m for m in masks if m.shape[1] + 4 * pad <= width), masks[-1])
+    mask = mask[: max(0, height - 3 * pad), : max(0, width - 4 * pad)]
+    rows, columns = mask.shape[0] + 2 * pad, mask.shape[1] + 2 * pad
+    bottom = height - pad
+    left = pad if side == "left" else width - pad - columns
+    out = picture.copy()
+    out[bottom - rows : bottom, left : left + columns] *= _PLATE
+    write(out, mask, (left + pad, bottom - rows + pad), (1.0, 1.0, 1.0))
+    return out
+
+
+def write(picture: Picture, mask: Float32, at: tuple[int, int], ink: Sequence[float]) -> None:
+    """Lay `ink` on the picture by `mask`, its top left corner `at` (x, y); cut at the edge."""
+    x, y = at
+    target = picture[y : y + mask.shape[0], x : x + mask.shape[1]]
+    cover = mask[: target.shape[0], : target.shape[1], None]
+    target += cover * (np.asarray(ink, np.float32) - target)
+
+
+@functools.lru_cache(maxsize=256)
+def text_mask(text: str, size_px: int) -> Float32:
+    """How far each pixel is covered by the text, 0 to 1; as high for all texts of one size."""
+    from PIL import Image, ImageDraw, ImageFont
+
+    font = ImageFont.load_default(size_px)
+    assert isinstance(font, ImageFont.FreeTypeFont)
+    ascent, descent = font.getmetrics()
+    width = max(1, int(np.ceil(font.getlength(text))) + 1)
+    mask = Image.new("L", (width, ascent + descent))
+    ImageDraw.Draw(mask).text((0, 0), text, fill=255, font=font)
+    return np.asarray(mask, np.float32) / np.float32(255)
