@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import os
 import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
-from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 
 import pytest
@@ -25,23 +22,7 @@ def chromium() -> Iterator[Any]:
     if CHROMIUM is None:
         pytest.skip("Chromium is not installed (apt-get install chromium)")
     sync_api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
-    with TemporaryDirectory() as folder, sync_api.sync_playwright() as play:
-        opened = play.chromium.launch(executable_path=_modest(Path(folder)), args=FLAGS)
+    with sync_api.sync_playwright() as play:
+        opened = play.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
         yield opened
         opened.close()
-
-
-def _modest(folder: Path) -> str:
-    """Chromium without the right to real-time threads, which as root it takes.
-
-    Two of its renderers once took both cores of a loaded machine for minutes, ahead of all else.
-    """
-    assert CHROMIUM is not None
-    if os.geteuid() != 0 or shutil.which("setpriv") is None:
-        return CHROMIUM
-    script = folder / "chromium"
-    script.write_text(
-        f'#!/bin/sh\nexec setpriv --bounding-set=-sys_nice --inh-caps=-sys_nice {CHROMIUM} "$@"\n'
-    )
-    script.chmod(0o755)
-    return str(script)

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import os
+import subprocess
 import sys
 import threading
 from pathlib import Path
+from typing import Any
 
+import av
 import cv2
 import pytest
 from clips import moving_scene, write_ffv1
@@ -14,7 +17,9 @@ from clips import moving_scene, write_ffv1
 from itmo_video import convert, make_settings
 from itmo_video.cli.main import main
 from itmo_video.conversion.plan import RunOptions
+from itmo_video.delivery import svt_av1
 from itmo_video.delivery.preview import PreviewOptions, preview
+from itmo_video.delivery.svt_av1 import svt_as_guest
 from itmo_video.rendering.opencv_threads import single_opencv_thread
 
 
@@ -28,24 +33,56 @@ def _untouched(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("SVT_LOG", raising=False)
 
 
-def test_the_process_is_left_as_it_was(
-    clip: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
-) -> None:
-    threads_before = cv2.getNumThreads()
-    cv2.setNumThreads(3)
-    environment, stdout = dict(os.environ), sys.stdout
-    try:
-        convert(clip, tmp_path / "out")
-        preview(tmp_path / "out", tmp_path / "a.mp4")
-        preview(clip, tmp_path / "b.avif", options=PreviewOptions(frame=2))
-        with pytest.raises(ZeroDivisionError):
-            convert(clip, tmp_path / "o2", on_event=lambda event: 1 / 0)  # type: ignore[arg-type,return-value]
-        assert cv2.getNumThreads() == 3, "OpenCV's threads were not given back"
-    finally:
-        cv2.setNumThreads(threads_before)
-    assert dict(os.environ) == environment
-    assert sys.stdout is stdout
-    assert capfd.readouterr() == ("", ""), "an encoder wrote by itself"
+PROGRAM = """
+import os, sys
+import cv2
+from itmo_video import convert
+from itmo_video.delivery.preview import PreviewOptions, preview
+
+clip, folder = sys.argv[1:]
+cv2.setNumThreads(3)
+environment, stdout = dict(os.environ), sys.stdout
+convert(clip, folder + "/out")
+preview(folder + "/out", folder + "/a.mp4")
+preview(clip, folder + "/b.avif", options=PreviewOptions(frame=2))
+try:
+    convert(clip, folder + "/o2", on_event=lambda event: 1 / 0)
+except ZeroDivisionError:
+    pass
+else:
+    raise AssertionError("what a listener raises is lost")
+assert cv2.getNumThreads() == 3, "OpenCV's threads were not given back"
+assert dict(os.environ) == environment, "the environment was changed"
+assert sys.stdout is stdout
+if sys.platform == "linux":
+    classes = {os.sched_getscheduler(int(thread)) for thread in os.listdir("/proc/self/task")}
+    assert classes == {os.SCHED_OTHER}, "an encoder made real-time threads"
+"""
+
+
+def test_the_process_is_left_as_it_was(clip: Path, tmp_path: Path) -> None:
+    """In a process of its own: an encoder opened by another test may have said its lines before."""
+    ended = subprocess.run(
+        [sys.executable, "-W", "error", "-c", PROGRAM, str(clip), str(tmp_path)],
+        capture_output=True, text=True, timeout=200,
+    )  # fmt: skip
+    assert (ended.returncode, ended.stderr) == (0, "")
+    assert ended.stdout == "", "an encoder wrote by itself"
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="scheduling classes of Linux")
+def test_the_encoder_of_films_is_opened_by_an_ordinary_thread(tmp_path: Path) -> None:
+    """Where it may (root), SVT-AV1 makes itself and its caller real-time threads."""
+    opened = av.open(str(tmp_path / "a.mkv"), "w")
+    stream: Any = opened.add_stream("libsvtav1", rate=1)
+    stream.width, stream.height, stream.pix_fmt = 64, 64, "yuv420p10le"
+    before = svt_av1._effective()
+    with svt_as_guest():
+        stream.codec_context.open()
+    assert svt_av1._effective() == before, "a right was not given back"
+    classes = {os.sched_getscheduler(int(thread)) for thread in os.listdir("/proc/self/task")}
+    opened.close()
+    assert classes == {os.SCHED_OTHER}
 
 
 def test_threads_are_given_back_by_the_last_user() -> None:

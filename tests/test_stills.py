@@ -15,6 +15,7 @@ import pytest
 from PIL import Image
 from stills import encoded, linear_srgb, noise
 
+from itmo_video.delivery.svt_av1 import svt_as_guest
 from itmo_video.errors import AlreadyHdrError, InputError
 from itmo_video.source import still_formats
 from itmo_video.source.opening import open_clip
@@ -361,6 +362,8 @@ def test_avif_of_10_bits_keeps_them_and_its_range(tmp_path: Path) -> None:
     with av.open(data, "w", format="avif") as box:
         stream = box.add_stream("libsvtav1", rate=1, options={"crf": "5"})
         stream.width, stream.height, stream.pix_fmt = 64, 64, "yuv420p10le"
+        with svt_as_guest():
+            stream.codec_context.open()
         frame = av.VideoFrame(64, 64, "yuv420p10le")
         for plane, code in zip(frame.planes, (940, 512, 512), strict=True):
             plane.update(np.full(plane.buffer_size // 2, code, "<u2").tobytes())

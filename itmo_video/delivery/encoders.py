@@ -3,10 +3,6 @@
 from __future__ import annotations
 
 import io
-import os
-import threading
-from collections.abc import Iterator
-from contextlib import contextmanager
 from fractions import Fraction
 from typing import Any
 
@@ -16,6 +12,7 @@ import numpy as np
 from itmo_video.delivery import metadata
 from itmo_video.delivery.film_spec import DEFAULT_CRF, DEFAULT_SPEED, FilmSpec, Signal
 from itmo_video.delivery.hdr import YCbCr
+from itmo_video.delivery.svt_av1 import svt_as_guest
 
 ENCODERS: dict[str, str] = {"av1": "libsvtav1", "hevc": "libx265", "prores": "prores_ks"}
 # Code points of ITU-T H.273: primaries, transfer, matrix.
@@ -38,7 +35,7 @@ def encode_avif(planes: YCbCr, crf: float) -> bytes:
         )
         stream.width, stream.height, stream.pix_fmt = width, height, "yuv420p10le"
         tag_signal(stream.codec_context, "pq")
-        with svt_in_silence():
+        with svt_as_guest():
             stream.codec_context.open()
         frame = frame_of(planes, "yuv420p10le")
         frame.pts = 0
@@ -83,21 +80,3 @@ def frame_of(planes: YCbCr, pixel_format: str) -> Any:
         rows = np.frombuffer(memoryview(plane), np.uint16).reshape(plane.height, -1)
         rows[:, : plane.width] = codes
     return frame
-
-
-_environment_lock = threading.Lock()
-
-
-@contextmanager
-def svt_in_silence() -> Iterator[None]:
-    """SVT-AV1 asks the environment, when it starts, whether it may write to standard error."""
-    name = "SVT_LOG"
-    with _environment_lock:
-        if name in os.environ:
-            yield
-            return
-        os.environ[name] = "0"
-        try:
-            yield
-        finally:
-            del os.environ[name]

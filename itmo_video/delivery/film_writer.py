@@ -17,12 +17,12 @@ from itmo_video.delivery.encoders import (
     ENCODERS,
     encoder_options,
     frame_of,
-    svt_in_silence,
     tag_signal,
 )
 from itmo_video.delivery.film_spec import MUXERS, FilmSpec, check_film
 from itmo_video.delivery.hdr import Light, YCbCr
 from itmo_video.delivery.sound import Sound
+from itmo_video.delivery.svt_av1 import svt_as_guest
 from itmo_video.errors import ItmoError, OutputError
 from itmo_video.output.atomic import temp_path
 from itmo_video.output.gate import Gate
@@ -148,7 +148,7 @@ class FilmWriter:
         if spec.codec == "hevc":
             context.codec_tag = "hvc1"  # Apple's players take no other
         tag_signal(context, spec.signal)
-        with svt_in_silence():
+        with svt_as_guest():
             context.open()
         return stream
 

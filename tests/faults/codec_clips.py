@@ -10,6 +10,8 @@ import av
 import numpy as np
 from clips import moving_scene
 
+from itmo_video.delivery.svt_av1 import svt_as_guest
+
 X264 = "keyint=12:min-keyint=12:scenecut=0:bframes=3:threads=1:cpu-independent=1"
 X265 = "keyint=12:min-keyint=12:bframes=3:log-level=none:pools=none:frame-threads=1"
 VPX = {"deadline": "realtime", "cpu-used": "8"}
@@ -94,6 +96,8 @@ def make_clip(
         if encoder != "libsvtav1":
             stream.codec_context.bit_rate = 600_000
         stream.codec_context.thread_count = 1
+        with svt_as_guest():
+            stream.codec_context.open()
         for n, codes in enumerate(scene):
             frame = av.VideoFrame.from_ndarray(codes, "rgb24").reformat(format=pixel_format)
             frame.pts, frame.time_base = n, Fraction(1, 24)
