@@ -19,6 +19,8 @@ from itmo_video.errors import InputError, UsageError
 from itmo_video.evaluation import agreement, folders, sequence
 from itmo_video.evaluation.agreement import SDR, TEST, Display
 from itmo_video.evaluation.folders import ExrSequence, Pair, open_sequence, pair
+from itmo_video.output.converted import Converted
+from itmo_video.output.manifest import Manifest
 from itmo_video.settings import Settings
 
 
@@ -71,9 +73,11 @@ def test_files_of_nobody_are_matched_by_number_or_by_position(tmp_path: Path) ->
     assert next(p.truth.name for p in pair(later, some)) == "any.005.exr"
     with pytest.raises(InputError, match="frames 5-12 are not in the reference"):
         pair(truth, some)
-    made = ExrSequence(some.path, some.files, 1, Settings())
+    manifest = Manifest("c.mkv", "0", "any", {})
+    folder = Converted(some.path, manifest, Settings(), (), 1, some.files)
+    made = ExrSequence(some.path, some.files, 1, folder)
     assert next((p.index, p.truth.name) for p in pair(made, truth)) == (4, "any.005.exr")
-    assert pair(made, some)[0] == Pair(4, 5, some.files[5], some.files[5])
+    assert pair(made, some)[0] == Pair(4, 5, 5, (made, some))
 
 
 def test_a_folder_without_files_is_told(tmp_path: Path) -> None:

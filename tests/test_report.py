@@ -274,4 +274,5 @@ def test_convert_without_frames_makes_no_report(clip: Path, tmp_path: Path) -> N
 def test_a_gap_is_told(clip: Path, tmp_path: Path) -> None:
     convert(clip, tmp_path / "o", make_settings(), RunOptions(frames="1-3,6-7"))
     text = page.report(tmp_path / "o").read_text("utf-8")
-    assert "Frames 4-5 are not in the folder" in text
+    assert "Frames 4-5,8" in text
+    assert "are not in the folder" in text

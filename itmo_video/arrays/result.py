@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from itmo_video.arrays.expand import Expanded
+from itmo_video.conversion.frame_ranges import format_ranges
 from itmo_video.output.converted import Converted, ConvertedShot, open_converted, rgb_of
-from itmo_video.output.exr import read_exr
 from itmo_video.settings import Settings
 
 
@@ -29,6 +29,11 @@ class Result(Mapping[int, Expanded]):
     def __init__(self, converted: Converted) -> None:
         self.converted = converted
 
+    def __repr__(self) -> str:
+        numbers = format_ranges(self)
+        absent = f", {self.absent} absent" if self.absent else ""
+        return f"<Result {str(self.converted.path)!r}: frames {numbers}{absent}>"
+
     @property
     def settings(self) -> Settings:
         """The settings of frames that are in no shot of their own."""
@@ -44,9 +49,14 @@ class Result(Mapping[int, Expanded]):
         """(width, height) in pixels."""
         return self.converted.size
 
+    @property
+    def absent(self) -> str | None:
+        """The numbers of the source's frames that are not in the folder, as "3,5-9"; or None."""
+        return self.converted.absent
+
     def __getitem__(self, number: int) -> Expanded:
-        """The picture of this number; raises KeyError, and InputError where it is not whole."""
-        image = read_exr(self.converted.files[number])
+        """The picture of this number; raises KeyError, and as Converted.read where it is not."""
+        image = self.converted.read(number)
         planes = image.channels.items()
         layers = {name.removesuffix(".Y"): plane for name, plane in planes if "." in name}
         return Expanded(

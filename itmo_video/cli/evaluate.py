@@ -57,7 +57,7 @@ def _evaluate(args: argparse.Namespace) -> int:
 
     above = [named_number("fail-above", text) for text in args.fail_above]
     below = [named_number("fail-below", text) for text in args.fail_below]
-    progress = Progress(as_json=False, quiet=args.json)
+    progress = Progress(as_json=False, quiet=False)
     found = evaluate(args.test, options_of(args, EvaluateOptions), progress.on_event)
     progress.close()
     print(_as_json(found) if args.json else _as_text(found))

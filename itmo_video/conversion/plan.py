@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
 from bisect import bisect_right
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -21,6 +19,7 @@ from itmo_video.look import Look, make_look
 from itmo_video.model import ClipInfo
 from itmo_video.operators import version_of
 from itmo_video.output import disk_space
+from itmo_video.output.fingerprint import fingerprint, fingerprint_text
 from itmo_video.output.frame_form import FrameForm
 from itmo_video.output.manifest import Manifest
 from itmo_video.rendering import spans
@@ -62,6 +61,7 @@ class Plan:
     jobs: int
     shots: tuple[ShotLook, ...] = ()
     notices: tuple[str, ...] = ()
+    source_frames: int | None = None  # of a pipe it is not known
 
     @property
     def looks(self) -> tuple[Look, ...]:
@@ -81,9 +81,7 @@ class Plan:
     def fingerprint(self, number: int) -> str:
         """What a frame's pixels depend on: settings, source content, index, algorithm."""
         index = self.numbers[number]
-        return hashlib.blake2b(
-            f"{self._settings_texts[id(self.look_at(index))]}{index}".encode(), digest_size=16
-        ).hexdigest()
+        return fingerprint(self._settings_texts[id(self.look_at(index))], index)
 
     def form(self, number: int) -> FrameForm:
         """What a frame's file looks like beside its pixels."""
@@ -98,13 +96,18 @@ class Plan:
     def manifest(self) -> Manifest:
         """Whose the output folder is."""
         settings = {**self.settings.as_dict(), "first_number": self.first_number}
-        settings["arithmetic"] = arithmetic()
+        settings |= {"algorithm": ALGORITHM, "arithmetic": arithmetic()}
+        if versions := {name: told for name in self._operators if (told := version_of(name))}:
+            settings["operator_versions"] = versions
         if self.shots:
             settings["shots"] = [
                 [shot.first, shot.last, _changed(self.settings, shot.look.settings)]
                 for shot in self.shots
             ]
-        return Manifest(Path(self.clip.path).name, self.clip.digest, self.clip.stem, settings)
+        return Manifest(
+            Path(self.clip.path).name, self.clip.digest, self.clip.stem, settings,
+            self.source_frames,
+        )  # fmt: skip
 
     @property
     def estimated_frame_bytes(self) -> int:
@@ -118,15 +121,20 @@ class Plan:
     def _shot_starts(self) -> list[int]:
         return [shot.first for shot in self.shots]
 
+    @property
+    def _operators(self) -> list[str]:
+        return sorted({look.settings.operator for look in self.looks})
+
     @cached_property
     def _settings_texts(self) -> dict[int, str]:
         # By identity: a film has 150,000 frames and few looks, which the plan keeps alive.
-        common = {
-            "source": self.clip.digest, "algorithm": ALGORITHM, "arithmetic": arithmetic()
-        }  # fmt: skip
         return {
-            id(look): json.dumps(
-                {**look.settings.as_dict(), **common, **_operator_version(look)}, sort_keys=True
+            id(look): fingerprint_text(
+                look.settings.as_dict(),
+                self.clip.digest,
+                ALGORITHM,
+                arithmetic(),
+                version_of(look.settings.operator),
             )
             for look in self.looks
         }
@@ -154,7 +162,7 @@ def make_plan(clip: Clip, look: Look, run: RunOptions) -> Plan:
     looks = (look, *(shot.look for shot in shots))
     memory = max(spans.memory_bound_bytes(width, height, wide, own, jobs) for own in looks)
     notices = (*info.notices, *_no_timecode(info), *_left_out(numbers, first, run.analysis))
-    return Plan(info, look, numbers, first, memory, jobs, shots, notices)
+    return Plan(info, look, numbers, first, memory, jobs, shots, notices, info.frames)
 
 
 def _left_out(numbers: Mapping[int, int], first: int, analysis: Analysis | None) -> list[str]:
@@ -233,12 +241,6 @@ def keys_on_grid(plan: Plan) -> Sequence[int]:
     """Indices of the keyframes on the absolute grid that the planned frames stand behind."""
     interval = plan.settings.key_reach
     return sorted({i - i % interval for i in plan.numbers.values()})
-
-
-def _operator_version(look: Look) -> dict[str, str]:
-    """What tells versions of a user's operator apart; ALGORITHM does for ours."""
-    version = version_of(look.settings.operator)
-    return {"operator_version": version} if version else {}
 
 
 def _changed(base: Settings, effective: Settings) -> dict[str, Any]:

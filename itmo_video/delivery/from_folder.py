@@ -13,7 +13,6 @@ from itmo_video.delivery.pictures import Picture, Pictures, T, Work
 from itmo_video.errors import UsageError
 from itmo_video.model import Frame
 from itmo_video.output.converted import Converted, rgb_of
-from itmo_video.output.exr import read_exr
 from itmo_video.rendering import spans
 from itmo_video.rendering.opencv_threads import single_opencv_thread
 from itmo_video.source.opening import frames_at
@@ -41,7 +40,7 @@ def from_folder(folder: Converted, clip: Path | None, run: RunOptions) -> Pictur
             originals = frames_at(source, [folder.index_of(n) for n in numbers])
 
         def make(number: int, original: Frame | None) -> T:
-            image = read_exr(folder.files[number])
+            image = folder.read(number)
             layers = {name: image.channels[name] for name in image.channels if "." in name}
             index, time_s = folder.index_of(number), folder.time_s(number, image)
             return work(Picture(index, number, time_s, rgb_of(image), original, layers))
@@ -58,4 +57,5 @@ def from_folder(folder: Converted, clip: Path | None, run: RunOptions) -> Pictur
     return Pictures(
         folder.size, folder.frame_rate, folder.pixel_aspect, folder.white_nits, folder.peak_nits,
         folder.first_image.primaries, numbers, clip, mapped,
+        notices=folder.notices if run.frames is None else (),
     )  # fmt: skip

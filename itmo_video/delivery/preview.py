@@ -84,7 +84,10 @@ def preview(
                 remedy="Leave the settings and --analysis out, or give the clip itself.",
             )
         clip = options.clip if options.view == "compare" or is_still else None
-        pictures = from_folder(open_converted(source), clip, run)
+        converted = open_converted(source)
+        if options.clip is not None and clip is None:  # of which the sound is
+            converted.open_source(options.clip, run.max_pixels).close()
+        pictures = from_folder(converted, clip, run)
         pictures.clip = options.clip
     else:
         pictures = from_clip(source, settings or make_settings(), run)

@@ -11,7 +11,7 @@ from pathlib import Path
 from itmo_video.errors import InputError
 from itmo_video.evaluation import fidelity
 from itmo_video.evaluation.fidelity import Fidelity, Zone
-from itmo_video.evaluation.folders import frame_rgb, open_sequence, open_source, pair, read_rgb
+from itmo_video.evaluation.folders import frame_rgb, open_sequence, open_source, pair
 from itmo_video.events import FrameDone, OnEvent, ignore
 from itmo_video.model import Float32, Float64, Frame
 from itmo_video.source.opening import frames_at
@@ -124,11 +124,11 @@ def compare_sequences(
     rows = {TEST: Tally()}
     if source is not None:
         rows[SDR] = Tally()
-        clip = open_source(source, sequence.settings_or_default)
+        clip = open_source(source, sequence)
         originals = frames_at(clip, [item.index for item in pairs])
     for done, (item, original) in enumerate(zip(pairs, originals, strict=False), 1):
         truth = _shown(item.true_rgb(), display, item.truth)
-        pictures = {TEST: (read_rgb(item.test), item.test)}
+        pictures = {TEST: (item.rgb(), item.test)}
         if original is not None and source is not None:
             pictures[SDR] = (frame_rgb(original), source)
         for name, (rgb, where) in pictures.items():

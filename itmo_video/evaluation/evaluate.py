@@ -11,7 +11,7 @@ from itmo_video.evaluation.agreement import Agreement, Display
 from itmo_video.evaluation.evaluate_options import EvaluateOptions
 from itmo_video.evaluation.ibl import Lighting
 from itmo_video.evaluation.sequence import ShotFlicker
-from itmo_video.events import OnEvent, ignore
+from itmo_video.events import OnEvent, Warned, ignore
 from itmo_video.output.gate import FILM, Gate
 from itmo_video.output.manifest import read_manifest
 from itmo_video.source.opening import input_files
@@ -41,9 +41,10 @@ class Evaluation:
 def evaluate(test: str | Path, options: EvaluateOptions, on_event: OnEvent = ignore) -> Evaluation:
     """Measure a folder of EXR files: its fidelity to a true one, its flicker along the motion.
 
-    `test` may be one .exr or .hdr file where `options.ibl` is set. `on_event` is told of each frame
-    (FrameDone), once for fidelity and once for flicker. Raises InputError where folders and clip do
-    not fit together, UsageError where an extra is missing, OutputError where a heat map may not be
+    `test` may be one .exr or .hdr file where `options.ibl` is set. `on_event` is told which frames
+    are not in the folder (Warned), and of each frame (FrameDone), once for fidelity and once for
+    flicker. Raises InputError where folders and clip do not fit together or a frame is not the
+    folder's own, UsageError where an extra is missing, OutputError where a heat map may not be
     written.
 
     >>> from pathlib import Path
@@ -54,6 +55,9 @@ def evaluate(test: str | Path, options: EvaluateOptions, on_event: OnEvent = ign
     True
     """
     test = Path(test)
+    if test.is_dir():
+        for notice in folders.open_sequence(test).notices:
+            on_event(Warned(notice))
     if options.ibl and options.reference:
         from itmo_video.evaluation import probes
 

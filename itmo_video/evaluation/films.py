@@ -14,7 +14,6 @@ from itmo_video.evaluation.folders import (
     open_sequence,
     open_source,
     pair,
-    read_rgb,
 )
 from itmo_video.evaluation.vdp import Film, Pictures, on_display
 from itmo_video.model import Float32
@@ -35,14 +34,14 @@ def films(
     """
     sequence = open_sequence(test)
     pairs = pair(sequence, open_sequence(reference), part)
-    clip = None if source is None else open_source(source, sequence.settings_or_default)
+    clip = None if source is None else open_source(source, sequence)
     height, width = pairs[0].true_rgb().shape[:2]
     steps = [b.index - a.index for a, b in pairwise(pairs)]
     rate = Fraction(frame_rate(sequence, clip), min(steps, default=1))
 
     def converted() -> Pictures:
         for item in pairs:
-            yield on_display(read_rgb(item.test), display), _truth(item, display)
+            yield on_display(item.rgb(), display), _truth(item, display)
 
     made = {TEST: Film(converted, len(pairs), (width, height), rate)}
     if clip is not None:

@@ -19,7 +19,7 @@ from itmo_video.colour.primaries import rgb_to_rgb_matrix
 from itmo_video.conversion.frame_ranges import format_ranges
 from itmo_video.errors import InputError
 from itmo_video.model import Float32, Frame
-from itmo_video.output.converted import find_converted
+from itmo_video.output.converted import Converted, find_converted
 from itmo_video.output.exr import ExrImage, read_exr
 from itmo_video.settings import Settings, settings_from
 from itmo_video.source.opening import Clip, input_options, open_clip
@@ -29,7 +29,7 @@ PRIMARIES = "rec709"
 
 @dataclass(frozen=True)
 class ExrSequence:
-    """A folder's EXR files by number; `settings` and the numbering's start where a manifest is.
+    """A folder's EXR files by number; `made` is what its manifest says, where it has one.
 
     The file with `first_number` belongs to the source's frame 0. In a folder that no conversion
     made, that is taken to be the lowest number there.
@@ -38,7 +38,17 @@ class ExrSequence:
     path: Path
     files: Mapping[int, Path]
     first_number: int
-    settings: Settings | None
+    made: Converted | None
+
+    @property
+    def settings(self) -> Settings | None:
+        """What it was made with, where a manifest says so."""
+        return None if self.made is None else self.made.settings
+
+    @property
+    def notices(self) -> tuple[str, ...]:
+        """What people should be told before."""
+        return () if self.made is None else self.made.notices
 
     @property
     def by_index(self) -> dict[int, Path]:
@@ -50,36 +60,60 @@ class ExrSequence:
         """What it was made with, as far as is known."""
         return self.settings or Settings()
 
+    def read(self, number: int, part: str | None = None) -> ExrImage:
+        """A file, or a part of it; raises InputError unless it is whole, and the folder's own."""
+        if self.made is not None and part in (None, "0"):
+            return self.made.read(number)
+        return read_exr(self.files[number], part)
+
+    def rgb(self, number: int, part: str | None = None) -> Float32:
+        """`exr_rgb` of what `read` gives."""
+        return exr_rgb(self.read(number, part), self.files[number])
+
 
 @dataclass(frozen=True)
 class Pair:
-    """A file, its truth, the index of their source frame, and the number in the file's name.
+    """A file and its truth, by their sequences and numbers, and the index of their source frame.
 
     `part` is the part of the truth's file that is meant, None for the first picture in it.
     """
 
     index: int
     number: int
-    test: Path
-    truth: Path
+    true_number: int
+    sequences: tuple[ExrSequence, ExrSequence]
     part: str | None = None
+
+    @property
+    def test(self) -> Path:
+        """The file."""
+        return self.sequences[0].files[self.number]
+
+    @property
+    def truth(self) -> Path:
+        """The truth's file."""
+        return self.sequences[1].files[self.true_number]
+
+    def rgb(self) -> Float32:
+        """The picture."""
+        return self.sequences[0].rgb(self.number)
 
     def true_rgb(self) -> Float32:
         """The truth's picture."""
-        return read_rgb(self.truth, self.part)
+        return self.sequences[1].rgb(self.true_number, self.part)
 
 
 def open_sequence(folder: Path) -> ExrSequence:
     """The EXR files of a folder; InputError where there are none or their manifest is not valid."""
     made = find_converted(folder)
     if made is not None:
-        files, first, settings = made.files, made.first_number, made.settings
+        files, first = made.files, made.first_number
     else:
-        files, settings = _numbered(sorted(folder.glob("*.exr"))), None
+        files = _numbered(sorted(folder.glob("*.exr")))
         first = min(files, default=0)
     if not files:
         raise InputError("no EXR files in it", where=str(folder))
-    return ExrSequence(folder, files, first, settings)
+    return ExrSequence(folder, files, first, made)
 
 
 def _numbered(paths: Sequence[Path]) -> dict[int, Path]:
@@ -105,20 +139,27 @@ def pair(test: ExrSequence, truth: ExrSequence, part: str | None = None) -> list
     is_part = truth.settings is None and test.settings is None and numbers <= true_numbers
     if is_same or is_part:
         start = (test if test.settings is not None else truth).first_number
-        return [Pair(n - start, n, test.files[n], truth.files[n], part) for n in sorted(numbers)]
-    truths = truth.by_index
-    if missing := [n for n in sorted(numbers) if n - test.first_number not in truths]:
+        return [Pair(n - start, n, n, (test, truth), part) for n in sorted(numbers)]
+    between = truth.first_number - test.first_number
+    if missing := [n for n in sorted(numbers) if n + between not in truth.files]:
         raise InputError(
             f"frames {format_ranges(missing)} are not in the reference", where=str(test.path)
         )
     start = test.first_number
-    return [Pair(n - start, n, test.files[n], truths[n - start], part) for n in sorted(numbers)]
+    return [Pair(n - start, n, n + between, (test, truth), part) for n in sorted(numbers)]
 
 
-def open_source(source: Path, settings: Settings) -> Clip:
-    """The SDR clip, read as a conversion with `settings` reads it; a clip tagged HDR is, too."""
+def open_source(source: Path, sequence: ExrSequence | None) -> Clip:
+    """The SDR clip, read as the sequence's conversion reads it; a clip tagged HDR is, too.
+
+    Raises InputError where the sequence was made of another one.
+    """
+    settings = Settings() if sequence is None else sequence.settings_or_default
     values = {**settings.as_dict(), "force_sdr": True}
-    return open_clip(source, input_options(settings_from(values)))
+    clip = open_clip(source, input_options(settings_from(values)))
+    if sequence is not None and sequence.made is not None:
+        sequence.made.check_source(clip.info)
+    return clip
 
 
 def frame_rgb(frame: Frame) -> Float32:
@@ -136,13 +177,13 @@ def exr_rgb(image: ExrImage, where: Path) -> Float32:
 
 
 def read_rgb(path: Path, part: str | None = None) -> Float32:
-    """`exr_rgb` of a file, or of a part of it; raises InputError unless it is whole."""
+    """`exr_rgb` of a file by itself, or of a part of it; raises InputError unless it is whole."""
     return exr_rgb(read_exr(path, part), path)
 
 
 def frame_rate(test: ExrSequence, clip: Clip | None) -> Fraction:
     """Frames a second: the files' own, or the clip's, or 24."""
-    first = read_exr(next(iter(test.files.values())))
+    first = test.read(next(iter(test.files)))
     stated: Any = first.attributes.get("framesPerSecond")
     if stated:
         return Fraction(stated)

@@ -6,7 +6,7 @@ All are compared with the scene lit by the true panorama. Needs the extra `ibl`.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import astuple
+from dataclasses import astuple, dataclass
 from itertools import repeat
 from pathlib import Path
 
@@ -15,7 +15,14 @@ import numpy as np
 
 from itmo_video.errors import InputError
 from itmo_video.evaluation import ibl
-from itmo_video.evaluation.folders import frame_rgb, open_sequence, open_source, pair, read_rgb
+from itmo_video.evaluation.folders import (
+    ExrSequence,
+    frame_rgb,
+    open_sequence,
+    open_source,
+    pair,
+    read_rgb,
+)
 from itmo_video.look import make_look
 from itmo_video.model import Float32, Frame
 from itmo_video.presets import make_settings
@@ -26,6 +33,7 @@ from itmo_video.source.opening import frames_at
 TEST, SDR, NAIVE = "test", "LDR probe", "naive"
 SIZE = (512, 256)  # of the panoramas that light the scene, at most
 _ASPECT_TOLERANCE = 0.02
+_Side = ExrSequence | Path  # a folder, or a file by itself
 
 
 def compare_lights(test: Path, reference: Path, source: Path | None) -> dict[str, ibl.Lighting]:
@@ -37,11 +45,8 @@ def compare_lights(test: Path, reference: Path, source: Path | None) -> dict[str
     where Mitsuba is not installed.
     """
     ibl.require_mitsuba()  # to be told at once
-    settings = Settings()
-    if test.is_dir():
-        settings = open_sequence(test).settings_or_default
     found: dict[str, list[ibl.Lighting]] = {}
-    for lights, truth in _lights(test, reference, source, settings):
+    for lights, truth in _lights(_opened(test), _opened(reference), source):
         lit = ibl.render_lit(truth)
         for name, light in lights.items():
             found.setdefault(name, []).append(ibl.compare_lit(ibl.render_lit(light), lit))
@@ -49,53 +54,74 @@ def compare_lights(test: Path, reference: Path, source: Path | None) -> dict[str
 
 
 def _lights(
-    test: Path, reference: Path, source: Path | None, settings: Settings
+    test: _Side, reference: _Side, source: Path | None
 ) -> Iterator[tuple[dict[str, Float32], Float32]]:
     """Of each frame the panoramas by row, and the true one, ready to light the scene."""
     pairs = _pairs(test, reference)
     originals: Iterable[Frame | None] = repeat(None)
+    sequence = None if isinstance(test, Path) else test
+    settings = Settings() if sequence is None else sequence.settings_or_default
     if source is not None:
-        clip = open_source(source, settings)
+        clip = open_source(source, sequence)
         originals = frames_at(clip, [index for index, _, _ in pairs])
-    for (_, test_file, true_file), original in zip(pairs, originals, strict=False):
+    for (_, test_picture, true_picture), original in zip(pairs, originals, strict=False):
         lights = {}
         if original is not None:
             lights[SDR] = _fitted(frame_rgb(original), str(source))
             lights[NAIVE] = _fitted(_naive(original, settings), str(source))
-        lights[TEST] = _fitted(_read(test_file), str(test_file))
-        yield lights, _fitted(_read(true_file), str(true_file))
+        lights[TEST] = _fitted(test_picture.rgb(), str(test_picture.path))
+        yield lights, _fitted(true_picture.rgb(), str(true_picture.path))
 
 
-def _pairs(test: Path, reference: Path) -> list[tuple[int, Path, Path]]:
-    """Index of the source's frame, file and true file; a single file stands for one frame."""
-    if test.is_dir() and reference.is_dir():
+@dataclass(frozen=True)
+class _Picture:
+    """A file, of a sequence or by itself."""
+
+    path: Path
+    sequence: ExrSequence | None = None
+    number: int = 0
+
+    def rgb(self) -> Float32:
+        """Linear BT.709 RGB of an .exr or .hdr file, (H, W, 3)."""
+        if self.sequence is not None:
+            return self.sequence.rgb(self.number)
+        if self.path.suffix.lower() != ".hdr":
+            return read_rgb(self.path)
+        picture = cv2.imread(str(self.path), cv2.IMREAD_UNCHANGED)
+        if picture is None or picture.ndim != 3:
+            raise InputError("not a Radiance picture", where=str(self.path))
+        return np.asarray(picture[..., 2::-1], np.float32)
+
+
+def _opened(path: Path) -> _Side:
+    return open_sequence(path) if path.is_dir() else path
+
+
+def _pairs(test: _Side, reference: _Side) -> list[tuple[int, _Picture, _Picture]]:
+    """Index of the source's frame, picture and true one; a single file stands for one frame."""
+    if isinstance(test, ExrSequence) and isinstance(reference, ExrSequence):
         return [
-            (p.index, p.test, p.truth) for p in pair(open_sequence(test), open_sequence(reference))
+            (
+                p.index,
+                _Picture(p.test, test, p.number),
+                _Picture(p.truth, reference, p.true_number),
+            )
+            for p in pair(test, reference)
         ]
     (index, one), (_, true) = _only(test), _only(reference)
     return [(index, one, true)]
 
 
-def _only(path: Path) -> tuple[int, Path]:
-    """Index and path of the only picture: the file itself, or that of a folder with one."""
-    if not path.is_dir():
-        return 0, path
-    sequence = open_sequence(path)
-    if len(sequence.files) > 1:
+def _only(side: _Side) -> tuple[int, _Picture]:
+    """Index and file of the only picture: the file itself, or that of a folder with one."""
+    if isinstance(side, Path):
+        return 0, _Picture(side)
+    if len(side.files) > 1:
         raise InputError(
-            f"it has {len(sequence.files)} pictures, the other side is one file", where=str(path)
+            f"it has {len(side.files)} pictures, the other side is one file", where=str(side.path)
         )
-    return next(iter(sequence.by_index.items()))
-
-
-def _read(path: Path) -> Float32:
-    """Linear BT.709 RGB of an .exr or .hdr file, (H, W, 3)."""
-    if path.suffix.lower() != ".hdr":
-        return read_rgb(path)
-    picture = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
-    if picture is None or picture.ndim != 3:
-        raise InputError("not a Radiance picture", where=str(path))
-    return np.asarray(picture[..., 2::-1], np.float32)
+    ((number, path),) = side.files.items()
+    return number - side.first_number, _Picture(path, side, number)
 
 
 def _naive(frame: Frame, settings: Settings) -> Float32:

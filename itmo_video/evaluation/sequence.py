@@ -24,7 +24,6 @@ from itmo_video.evaluation.folders import (
 from itmo_video.events import FrameDone, OnEvent, ignore
 from itmo_video.model import Code, Float32
 from itmo_video.motion.cut_detection import CUT_REACH, Analysed, analyse_frame, place
-from itmo_video.output.exr import read_exr
 from itmo_video.source.opening import Clip
 from itmo_video.untrusted import read_json
 
@@ -123,7 +122,7 @@ def _frames(sequence: ExrSequence, source: Path) -> Iterator[_Seen]:
     last = max(files)
     unseen = set(files)
     starts_shot = False
-    with open_source(source, settings) as clip:
+    with open_source(source, sequence) as clip:
         width, height = analysis_size(*clip.info.display_size, settings.map_width)
         # Cuts are looked for in the frames before the first file, too: it may follow one closely.
         start = max(0, min(files) - 2 * CUT_REACH)
@@ -136,7 +135,7 @@ def _frames(sequence: ExrSequence, source: Path) -> Iterator[_Seen]:
                 continue
             unseen.discard(frame.index)
             path = files[frame.index]
-            image = read_exr(path)
+            image = sequence.read(frame.index + sequence.first_number)
             before = frame_rgb(frame.frame)
             sdr, hdr = luminance(before), luminance(exr_rgb(image, path))
             if hdr.shape != sdr.shape:

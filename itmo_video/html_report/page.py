@@ -15,7 +15,7 @@ from itmo_video.conversion.run_options import RunOptions
 from itmo_video.delivery.from_folder import from_folder
 from itmo_video.delivery.pictures import Picture, Pictures
 from itmo_video.errors import UsageError
-from itmo_video.events import FrameDone, OnEvent, Started, ignore
+from itmo_video.events import FrameDone, OnEvent, Started, Warned, ignore
 from itmo_video.html_report import embed, measure, plots
 from itmo_video.html_report.measure import FilmFacts, Measured
 from itmo_video.html_report.report_options import ReportOptions
@@ -53,6 +53,8 @@ def report(
     gate = report_gate(folder, options, converted.manifest)
     gate.check()
     pictures = from_folder(converted, clip, RunOptions())
+    for notice in pictures.notices:
+        on_event(Warned(notice))
     on_event(Started(str(folder), str(gate.path), len(pictures.numbers), 0))
     facts, embedded = _measured(pictures, converted, on_event)
     text = render_page(converted, pictures, facts, embedded, _source_facts(clip, converted))
@@ -186,10 +188,8 @@ def _plots(facts: FilmFacts) -> list[plots.Drawn]:
 
 def _warnings(facts: FilmFacts, pictures: Pictures, converted: Converted) -> list[str]:
     frames, out = facts.frames, list(pictures.damage)
-    numbers = [frame.number for frame in frames]
-    gaps = sorted(set(range(numbers[0], numbers[-1] + 1)) - set(numbers))
-    if gaps:
-        out.append(f"Frames {format_ranges(gaps)} are not in the folder.")
+    if converted.absent:
+        out.append(f"Frames {converted.absent} are not in the folder.")
     if broken := [f.number for f in frames if f.not_finite]:
         out.append(f"Frames {format_ranges(broken)} hold values that are not finite.")
     if clipped := [f.number for f in frames if f.at_peak > 0.02]:

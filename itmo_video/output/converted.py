@@ -7,16 +7,19 @@ that they read one folder in one way.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from fractions import Fraction
 from functools import cached_property
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
-from itmo_video.errors import InputError, UsageError
-from itmo_video.model import Half
+from itmo_video.errors import InputError, OutputError, UsageError
+from itmo_video.model import ClipInfo, Half
 from itmo_video.output.exr import ExrImage, read_exr
+from itmo_video.output.fingerprint import fingerprints_told
 from itmo_video.output.folder import OutputFolder
+from itmo_video.output.frame_form import FrameForm
 from itmo_video.output.manifest import Manifest, read_manifest
 from itmo_video.settings import Settings, settings_from
 from itmo_video.source.opening import Clip, input_options, open_clip
@@ -24,11 +27,15 @@ from itmo_video.source.opening import Clip, input_options, open_clip
 
 @dataclass(frozen=True)
 class ConvertedShot:
-    """Frames `first` to `last` (indices, inclusive) that were made with settings of their own."""
+    """Frames `first` to `last` (indices, inclusive) that were made with settings of their own.
+
+    `told` is how they differ from the folder's, as the manifest has it.
+    """
 
     first: int
     last: int
     settings: Settings
+    told: Mapping[str, Any] = field(default_factory=dict, repr=False)
 
 
 @dataclass(frozen=True)
@@ -57,9 +64,76 @@ class Converted:
 
     def settings_of(self, number: int) -> Settings:
         """What a frame was made with."""
+        shot = self._shot_of(number)
+        return self.settings if shot is None else shot.settings
+
+    def read(self, number: int) -> ExrImage:
+        """A frame's picture, once it is sure that the file is this very frame of the conversion.
+
+        The one way in for all readers: raises KeyError for a number that is not there, InputError
+        where the file is damaged, was changed, or belongs to another source, number or settings,
+        and OutputError where it vanishes.
+        """
+        path = self.files[number]
+        try:
+            image = read_exr(path)
+        except InputError as error:
+            if isinstance(error.__cause__, FileNotFoundError | NotADirectoryError):
+                raise OutputError(
+                    "it vanished while the folder was read",
+                    where=str(path),
+                    remedy="Bring it back, or convert again; then run the same command again.",
+                ) from error
+            raise
+        shot = self._shot_of(number)
+        told = fingerprints_told(
+            self.manifest.settings,
+            {} if shot is None else shot.told,
+            self.manifest.source_digest,
+            self.index_of(number),
+        )
+        if image.fingerprint not in told:
+            raise InputError(
+                "not this folder's frame: of another source or number, or made with other settings",
+                where=str(path),
+                remedy="Move it away, then convert again (--update, if settings have changed).",
+            )
+        size = image.size if number == next(iter(self.files)) else self.size
+        alpha = "A" if "A" in image.channels else ""
+        settings = self.settings_of(number)
+        names = frozenset((*"RGB", *alpha, *(f"{name}.Y" for name in settings.layers)))
+        if not FrameForm(size, names, settings.compression).is_of(image):
+            raise InputError(
+                "changed since it was converted: its size, windows, channels or compression",
+                where=str(path),
+                remedy="Run the conversion again, which makes it anew.",
+            )
+        return image
+
+    @property
+    def absent(self) -> str | None:
+        """The numbers of the source's frames that are not there, as ranges; None for none.
+
+        Where the manifest does not count the source's frames, those between the files.
+        """
+        numbers, count = self.numbers, self.manifest.source_frames
+        first, end = self.first_number, self.first_number + (count or 0)
+        if count is None and numbers:
+            first, end = numbers[0], numbers[-1] + 1
+        around = [first - 1, *(n for n in numbers if first <= n < end), end]
+        # By their ends: a count that somebody made up may be of any size.
+        gaps = [(a + 1, b - 1) for a, b in pairwise(around) if b - a > 1]
+        return ",".join(str(a) if a == b else f"{a}-{b}" for a, b in gaps) or None
+
+    @property
+    def notices(self) -> tuple[str, ...]:
+        """What people should be told before they look at the folder."""
+        return (f"frames {self.absent} are not in the folder",) if self.absent else ()
+
+    def _shot_of(self, number: int) -> ConvertedShot | None:
         index = self.index_of(number)
-        own = (shot.settings for shot in self.shots if shot.first <= index <= shot.last)
-        return next(own, self.settings)
+        own = (shot for shot in self.shots if shot.first <= index <= shot.last)
+        return next(own, None)
 
     @property
     def white_nits(self) -> float:
@@ -75,8 +149,8 @@ class Converted:
 
     @cached_property
     def first_image(self) -> ExrImage:
-        """The first frame; raises InputError where it does not open whole."""
-        return read_exr(self.files[self.numbers[0]])
+        """The first frame; raises as `read`."""
+        return self.read(self.numbers[0])
 
     @property
     def size(self) -> tuple[int, int]:
@@ -108,13 +182,21 @@ class Converted:
         Raises InputError where it is another one; frames are those of the folder's indices.
         """
         opened = open_clip(clip, input_options(self.settings, max_pixels))
-        if opened.info.digest != self.manifest.source_digest:
+        try:
+            self.check_source(opened.info)
+        except InputError:
             opened.close()
+            raise
+        return opened
+
+    def check_source(self, info: ClipInfo) -> None:
+        """Raise InputError unless this is the clip that the folder was made of, by its content."""
+        if info.digest != self.manifest.source_digest:
             raise InputError(
                 f"not the clip that the folder was made of ({self.manifest.source_name!r})",
-                where=str(clip),
+                where=info.path,
+                remedy=f"Give that one, or convert this one: itmo-video convert {info.path} FOLDER",
             )
-        return opened
 
 
 def peak_nits_of(settings: Settings) -> float:
@@ -173,7 +255,8 @@ def _shot(entry: object, base: Settings) -> ConvertedShot:
     first, last, changed = _sequence(entry)
     if not isinstance(changed, Mapping):
         raise ValueError("a shot's settings are no table")
-    return ConvertedShot(int(str(first)), int(str(last)), replace(base, **_known(changed)))
+    settings = replace(base, **_known(changed))
+    return ConvertedShot(int(str(first)), int(str(last)), settings, changed)
 
 
 def _sequence(value: object) -> Sequence[object]:

@@ -237,6 +237,8 @@ def _differences(old: Mapping[str, object], new: Mapping[str, object]) -> list[s
     def show(values: Mapping[str, object], name: str) -> str:
         return json.dumps(values[name], sort_keys=True) if name in values else "unset"
 
-    pairs = ((name, show(old, name), show(new, name)) for name in sorted(old.keys() | new.keys()))
+    # Folders of before it was recorded are told by their frames' fingerprints.
+    names = sorted((old.keys() | new.keys()) - ({"algorithm"} - old.keys()))
+    pairs = ((name, show(old, name), show(new, name)) for name in names)
     changed = [f"{name} {was[:40]} -> {now[:40]}" for name, was, now in pairs if was != now]
     return [*changed[:4], f"and {len(changed) - 4} more"] if len(changed) > 4 else changed

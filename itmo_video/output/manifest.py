@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
+from typing import Any
 
 from itmo_video.errors import InputError
 from itmo_video.output.atomic import StrPath
@@ -19,13 +20,15 @@ class Manifest:
     """Whose a folder is: the source by name and content, the frames' stem, the effective settings.
 
     `settings` holds what the pixels depend on, as JSON values; nothing of a run (ranges, jobs,
-    paths, times), so that all processes of a conversion make the same manifest.
+    paths, times), so that all processes of a conversion make the same manifest. `source_frames` is
+    how many frames the source has, None where that was not known (a pipe, an older version).
     """
 
     source_name: str
     source_digest: str
     stem: str
     settings: dict[str, object]
+    source_frames: int | None = None
     format: int = MANIFEST_FORMAT
 
     def to_json(self) -> str:
@@ -44,11 +47,16 @@ class Manifest:
             raise _bad_manifest("it has no format number", where)
         if data["format"] != MANIFEST_FORMAT:
             raise _bad_manifest(f"its format is {data['format']}, not {MANIFEST_FORMAT}", where)
-        kinds = {field.name: str for field in fields(cls)} | {"format": int, "settings": dict}
+        kinds: dict[str, Any] = {field.name: str for field in fields(cls)}
+        kinds |= {"format": int, "settings": dict, "source_frames": int | None}
         for name, kind in kinds.items():
             if not isinstance(data.get(name), kind):
                 raise _bad_manifest(f"{name!r} is missing or of the wrong kind", where)
-        return cls(**{name: data[name] for name in kinds})
+        count = data.get("source_frames")
+        if isinstance(count, bool) or (count is not None and count < 0):
+            raise _bad_manifest("'source_frames' is no count", where)
+        values: dict[str, Any] = {name: data.get(name) for name in kinds}
+        return cls(**values)
 
 
 def read_manifest(folder: StrPath) -> Manifest | None:

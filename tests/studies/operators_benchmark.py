@@ -31,7 +31,7 @@ from itmo_video import Settings, convert, make_settings
 from itmo_video.evaluation import vdp
 from itmo_video.evaluation.agreement import SDR, TEST, Display, compare_sequences
 from itmo_video.evaluation.films import films
-from itmo_video.evaluation.folders import open_sequence, pair, read_rgb
+from itmo_video.evaluation.folders import open_sequence, pair
 from itmo_video.evaluation.sequence import luminance
 from itmo_video.operators import all_operators
 from itmo_video.presets import preset_names
@@ -96,10 +96,10 @@ def clipped_error(clip: KnownClip, out: Path) -> float:
     """|mean radiance of the clipped areas / the true one - 1|, over the whole clip."""
     test, truth = 0.0, 0.0
     for item in pair(open_sequence(out), open_sequence(clip.truth)):
-        true_rgb = read_rgb(item.truth)
+        true_rgb = item.true_rgb()
         clipped = true_rgb.max(axis=2) >= 1
         truth += float(luminance(true_rgb)[clipped].sum(dtype=np.float64))
-        test += float(luminance(read_rgb(item.test))[clipped].sum(dtype=np.float64))
+        test += float(luminance(item.rgb())[clipped].sum(dtype=np.float64))
     return abs(test / truth - 1) if truth else math.nan
 
 
