@@ -16,7 +16,7 @@ from itmo_video.analysis.suggestions import suggestions
 from itmo_video.colour import linear_light
 from itmo_video.colour.analysis_picture import analysis_size
 from itmo_video.colour.luminance import limited_luminance
-from itmo_video.errors import DamagedInputError, InputError
+from itmo_video.errors import DamagedInputError, InputError, ReplacedInputError
 from itmo_video.events import FrameDone, OnEvent, Warned, ignore
 from itmo_video.model import Frame
 from itmo_video.motion.cut_detection import Analysed, analyse_frame, difference, place
@@ -109,6 +109,8 @@ def analyse(
 ) -> Analysis:
     """Decode a clip once and say what is in it; raises InputError and AlreadyHdrError as convert.
 
+    One that changes meanwhile is a DamagedInputError.
+
     Cuts and keyframes are those that a conversion with `settings` finds by itself. A source that
     breaks off is analysed until there; `on_event` is told so, and what is assumed (Warned), and of
     each frame that was looked at (FrameDone); what it raises ends the pass.
@@ -189,6 +191,8 @@ def _looked_at(
             edges.add(frame)
             before = analysed
             yield analysed
+    except ReplacedInputError:
+        raise  # nothing that is said of it would be true of what is there now
     except DamagedInputError as error:
         on_event(Warned(str(error)))
 

@@ -135,7 +135,13 @@ class Y4mWriter:
 def _descriptor(path: Path) -> int:
     if os.fspath(path) != STANDARD_OUTPUT:
         return os.open(path, os.O_WRONLY)
-    if sys.stdout is None or sys.stdout.isatty():
+    # The command line puts the null device in the place of what is closed (cli.streams); where a
+    # shell opened it, its name is <stdout>.
+    if sys.stdout is None or getattr(sys.stdout, "name", None) == os.devnull:
+        raise OutputError(
+            "standard output is closed", remedy="Pipe it: ... - | x265 --y4m - -o film.hevc"
+        )
+    if sys.stdout.isatty():
         raise UsageError(
             "standard output is a terminal", remedy="Pipe it: ... - | x265 --y4m - -o film.hevc"
         )

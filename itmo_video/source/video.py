@@ -45,11 +45,16 @@ class VideoClip(Clip):
         pictures = begun if begun is not None and ahead == 0 else numbered(facts.decoder, ahead)
         if facts.is_deinterlaced:
             pictures = deinterlaced(pictures, facts.is_forced, facts.time_base, self._is_same)
-        for index, decoded, is_damaged in pictures:
-            if index >= start:
-                self._check_source()
-                self._check_same(index, decoded)
-                yield self._frame(index, decoded, is_damaged)
+        try:
+            for index, decoded, is_damaged in pictures:
+                if index >= start:
+                    self._check_source()
+                    self._check_same(index, decoded)
+                    yield self._frame(index, decoded, is_damaged)
+        except (InputError, av.FFmpegError, OSError):
+            self._check_source()  # who writes to it leaves it empty first: that is the reason then
+            raise
+        self._check_source()
 
     def time_s(self, index: int) -> Fraction:
         """Presentation time as stamped; counted at the frame rate where stamps are unusable."""

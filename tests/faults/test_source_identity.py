@@ -13,6 +13,8 @@ from clips import exr_bytes, moving_scene, write_ffv1
 from itmo_video import DamagedInputError, RunOptions, convert, make_settings, open_clip
 from itmo_video.cli.main import main
 from itmo_video.events import FrameDone
+from itmo_video.look import make_look
+from itmo_video.rendering.spans import frames_in_flight
 from itmo_video.source import digest, remembered
 from itmo_video.source.digest import SourceFiles, content_digest, file_digest
 
@@ -112,9 +114,11 @@ def test_a_young_file_is_not_remembered(
 
 @pytest.mark.parametrize("how", ["renamed over", "written to", "removed", "a folder"])
 def test_a_film_replaced_in_mid_run_leaves_no_frame_of_the_other(how: str, tmp_path: Path) -> None:
-    clip = write_ffv1(tmp_path / "c.mkv", moving_scene(60))
-    other = write_ffv1(tmp_path / "other.mkv", moving_scene(60, seed=9))
-    settings = make_settings(**QUICK)
+    # Whatever the load: more frames than may be decoded before the first is made.
+    settings = make_settings(**QUICK, key_interval=1, smooth_keys=0)
+    count = 12 + frames_in_flight(make_look(settings), 1)
+    clip = write_ffv1(tmp_path / "c.mkv", moving_scene(count, width=64, height=48))
+    other = write_ffv1(tmp_path / "other.mkv", moving_scene(count, width=64, height=48, seed=9))
     convert(clip, tmp_path / "whole", settings)
     whole = exr_bytes(tmp_path / "whole")
     done = False
@@ -135,8 +139,19 @@ def test_a_film_replaced_in_mid_run_leaves_no_frame_of_the_other(how: str, tmp_p
     with pytest.raises(DamagedInputError, match="while it was read"):
         convert(clip, tmp_path / "o", settings, RunOptions(jobs=1), on_event)
     made = exr_bytes(tmp_path / "o")
-    assert 0 < len(made) < 60
+    assert 0 < len(made) < count
     assert made.items() <= whole.items(), "frames of the new film bear the old one's fingerprint"
+
+
+def test_a_film_that_is_being_written_to_is_told(tmp_path: Path) -> None:
+    """Empty for a moment, it has an end there, which is none of the film's."""
+    clip = write_ffv1(tmp_path / "c.mkv", moving_scene(60))
+    opened = open_clip(clip)
+    frames = opened.frames()
+    next(frames)
+    clip.write_bytes(b"")
+    with pytest.raises(DamagedInputError, match="changed while it was read"):
+        list(frames)
 
 
 @pytest.mark.parametrize("how", ["deleted", "a folder", "a fifo", "another picture", "enormous"])
