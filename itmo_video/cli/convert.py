@@ -127,10 +127,14 @@ def _convert_one(
             raise UsageError("a report needs the frames", remedy="Leave --null or --report out.")
         require_templates()
     executor = None
+    tls = args.tls_ca_file, args.tls_cert, args.tls_key
     if args.scheduler is not None:
+        from itmo_video.cluster.address import Tls
         from itmo_video.cluster.dask_executor import cluster_executor
 
-        executor = cluster_executor(args.scheduler)
+        executor = cluster_executor(args.scheduler, Tls(*tls))
+    elif any(tls):
+        raise UsageError("certificates are for a scheduler", remedy="--scheduler tls://host:8786")
     page = ReportOptions(clip=Path(source), overwrite=run.overwrite)
     if args.report and os.path.isdir(output):
         report_gate(Path(output), page, None).check()

@@ -25,6 +25,12 @@ def add_run_options(parser: argparse.ArgumentParser) -> None:
         "--scheduler", metavar="ADDRESS|local",
         help="on a Dask cluster, or on one of --jobs processes here (extra `cluster`)",
     )  # fmt: skip
+    for name, what in (("ca-file", "authority"), ("cert", "certificate"), ("key", "key")):
+        group.add_argument(
+            f"--tls-{name}", metavar="FILE.pem",
+            help=f"{what} for --scheduler tls://..., as `dask worker` takes it (default: as Dask "
+            "is configured)",
+        )  # fmt: skip
     add_telling(group)
 
 

@@ -13,6 +13,7 @@ from itertools import islice
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
+from itmo_video.cluster.address import LOCAL, Tls, check_address, security_for
 from itmo_video.cluster.chunks import Outcome, cut_into_chunks, try_chunk
 from itmo_video.conversion.convert import Executor, Job, Summary
 from itmo_video.errors import ClusterError, DamagedInputError, ItmoError, UsageError
@@ -26,11 +27,11 @@ WAIT_S = 60  # for the scheduler, then for its first worker
 AGAIN = "run the same command again: it goes on where it stopped."
 
 
-def cluster_executor(address: str) -> Executor:
+def cluster_executor(address: str, tls: Tls | None = None) -> Executor:
     """An executor for `conversion.convert`: on the scheduler at `address`, or "local" processes.
 
-    It raises UsageError without the extra, ClusterError when scheduler or workers are lost, and
-    what a worker raised.
+    Raises UsageError without the extra, for a bad address and for certificates that cannot be used.
+    The executor raises ClusterError when scheduler or workers are lost, and what a worker raised.
     """
     try:
         import distributed  # noqa: F401 - only whether it is there
@@ -38,12 +39,14 @@ def cluster_executor(address: str) -> Executor:
         raise UsageError(
             "--scheduler needs Dask distributed", remedy="pip install 'itmo_video[cluster]'"
         ) from error
+    check_address(address)
+    security = security_for(address, tls or Tls())
 
     def execute(job: Job, summary: Summary, on_event: OnEvent) -> list[DamagedInputError]:
         if not job.todo:
             return []
         try:
-            with _connected(address, job) as client, client.as_current():
+            with _connected(address, security, job) as client, client.as_current():
                 return _run(client, job, summary, on_event)
         finally:
             if not job.run.null:  # of workers that were killed on this machine
@@ -53,13 +56,13 @@ def cluster_executor(address: str) -> Executor:
 
 
 @contextmanager
-def _connected(address: str, job: Job) -> Iterator[Client]:
+def _connected(address: str, security: Any, job: Job) -> Iterator[Client]:
     from distributed import Client, LocalCluster
 
     # An interrupt between two lines of distributed's `sync` makes its own callback fail, which
     # tornado would tell as a traceback; the interrupt itself is told in our words.
     logging.getLogger("tornado.application").setLevel(logging.CRITICAL)
-    if address == "local":
+    if address == LOCAL:
         with (
             TemporaryDirectory(prefix="itmo-dask-", ignore_cleanup_errors=True) as scratch,
             LocalCluster(
@@ -80,11 +83,7 @@ def _connected(address: str, job: Job) -> Iterator[Client]:
     # A scheduler that is lost is told in our two lines, not in a page of its own.
     logging.getLogger("distributed.client").setLevel(logging.CRITICAL)
     try:
-        client = Client(address, timeout=WAIT_S, set_as_default=False)
-    except (ValueError, TypeError) as error:
-        raise UsageError(
-            f"not a scheduler's address: {error}", where=address, remedy="Such as tcp://host:8786."
-        ) from error
+        client = Client(address, timeout=WAIT_S, set_as_default=False, security=security)
     except OSError as error:
         raise ClusterError(
             "no scheduler answers", where=address, remedy=f"Start `dask scheduler`, then {AGAIN}"

@@ -18,6 +18,7 @@ from command import REPOSITORY, broken_frames, run, start, temp_files, wait_for_
 from same_bytes import assert_same_bytes
 
 from itmo_video import RunOptions, analyse, convert, make_settings
+from itmo_video.cli.main import main
 from itmo_video.cluster import chunks, dask_executor
 from itmo_video.conversion import convert as conversion
 from itmo_video.conversion.convert import Job, Summary
@@ -26,7 +27,6 @@ from itmo_video.errors import (
     DamagedInputError,
     InputError,
     OutputError,
-    UsageError,
 )
 from itmo_video.events import Event, FrameDone, OnEvent
 
@@ -294,8 +294,40 @@ def test_nobody_answers(clip: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPa
     with pytest.raises(ClusterError, match="no scheduler answers") as caught:
         convert_on(clip, tmp_path, "tcp://127.0.0.1:9")
     assert "same command again" in str(caught.value)
-    with pytest.raises(UsageError, match="not a scheduler's address"):
-        convert_on(clip, tmp_path, "nonsense://")
+
+
+@needs_dask
+@pytest.mark.parametrize(
+    "address",
+    ["nonsense://", "nohost.invalid:1", "tcp://nohost.invalid:8786", "localhost", "tcp://:8786",
+     "tcp://127.0.0.1:99999", "127.0.0.1:x", "", "tcp://a b:1"],
+)  # fmt: skip
+def test_a_bad_address_is_wrong_usage_and_leaves_nothing(
+    address: str, clip: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    began = time.monotonic()
+    assert main(["convert", str(clip), str(tmp_path / "o"), "--scheduler", address]) == 2
+    assert len(capsys.readouterr().err.splitlines()) == 2
+    assert time.monotonic() - began < dask_executor.WAIT_S
+    assert not (tmp_path / "o").exists()
+
+
+@needs_dask
+def test_certificates_are_checked_before_the_work(
+    clip: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    line = ["convert", str(clip), str(tmp_path / "o")]
+    (tmp_path / "no.pem").write_text("no certificate")
+    files = ["--tls-ca-file", str(tmp_path / "no.pem"), "--tls-cert", str(tmp_path / "gone.pem")]
+    for more, told in (
+        (["--scheduler", "tls://127.0.0.1:8786"], "needs certificates"),
+        (["--scheduler", "tls://127.0.0.1:8786", *files], "cannot be used"),
+        (["--scheduler", "tcp://127.0.0.1:8786", *files], "for an encrypted scheduler"),
+        (files, "for a scheduler"),
+    ):
+        assert main([*line, *more]) == 2
+        assert told in capsys.readouterr().err
+    assert not (tmp_path / "o").exists()
 
 
 def convert_on(clip: Path, out: Path, address: str) -> None:
