@@ -77,9 +77,11 @@ def test_exposure_is_stops_of_light_on_both_sides(clip: Path, tmp_path: Path) ->
     flags = ("--as", "compare", "--no-labels", "--tone-map", "clip")
     plain = still(clip, tmp_path / "a.png", *flags).astype(float)
     down = still(clip, tmp_path / "b.png", *flags, "--exposure", "-2").astype(float)
-    safe = (plain > 60) & (plain < 250)
-    ratio = down[safe] / plain[safe]
-    np.testing.assert_allclose(ratio, 2 ** (-2 / 2.4), atol=0.012)
+    safe = plain.max(axis=2) < 250  # where a channel was not clipped, and with it the others
+    error = np.abs(down[safe] - plain[safe] * 2 ** (-2 / 2.4))
+    assert error.max() <= 1.5, "not two stops, but for rounding"
+    assert safe[:, :480].any()
+    assert safe[:, 480:].any()
 
 
 def test_exposed_down_to_the_peak_nothing_is_mapped() -> None:
