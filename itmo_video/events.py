@@ -43,7 +43,8 @@ class Warned:
 class Finished:
     """The work is done; what a command knows nothing of is None.
 
-    `missing` and `damaged` are numbers of frames; light levels are those of a film, in nits.
+    `missing` and `damaged` are numbers of frames; light levels are those of a film, in nits;
+    `peak_nits` is the brightest channel of the EXR frames that were written.
     """
 
     name: ClassVar = "finished"
@@ -57,6 +58,7 @@ class Finished:
     bytes_written: int
     max_cll: float | None = None
     max_fall: float | None = None
+    peak_nits: float | None = None
 
 
 Event: TypeAlias = Started | FrameDone | Warned | Finished

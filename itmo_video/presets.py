@@ -28,18 +28,27 @@ def make_settings(preset: str = "default", **overrides: Any) -> Settings:
     >>> make_settings("default", peak_nits=812).l_max_effective
     4.0
     """
-    values = load_preset(preset)
-    if "operator" in values and overrides.get("operator", values["operator"]) != values["operator"]:
-        # What a preset sets for its own operator would cripple another one.
-        values = {name: value for name, value in values.items() if name not in _OF_OPERATOR}
-    _require_one_maximum(overrides)
-    if "peak_nits" in overrides:
-        values.pop("l_max", None)
-    if "l_max" in overrides:
-        values.pop("peak_nits", None)
-    settings = settings_from(values | overrides)
+    settings = settings_from(overriding(load_preset(preset), overrides))
     object.__setattr__(settings, "asked", (preset, overrides))
     return settings
+
+
+def overriding(values: Mapping[str, Any], later: Mapping[str, Any]) -> dict[str, Any]:
+    """`values` with those that are said `later`, which win; raises UsageError for both maxima.
+
+    Of l_max and peak_nits the later replaces the other; another operator leaves what was said for
+    the former one out.
+    """
+    _require_one_maximum(later)
+    held = dict(values)
+    if "operator" in held and later.get("operator", held["operator"]) != held["operator"]:
+        # What is set for its own operator would cripple another one.
+        held = {name: value for name, value in held.items() if name not in _OF_OPERATOR}
+    if "peak_nits" in later:
+        held.pop("l_max", None)
+    if "l_max" in later:
+        held.pop("peak_nits", None)
+    return held | dict(later)
 
 
 def with_own(base: Settings, own: Mapping[str, Any]) -> Settings:

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import os
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -8,6 +9,8 @@ import pytest
 
 from itmo_video.kernels import library
 
+# No test reads the config file of whoever runs it.
+os.environ["XDG_CONFIG_HOME"] = os.path.join(os.sep, "nonexistent", "itmo-video-tests")
 sys.path.insert(0, str(Path(__file__).parent))
 pytest_plugins = ["skips"]
 

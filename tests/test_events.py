@@ -115,19 +115,28 @@ class _Terminal(io.StringIO):
         return True
 
 
-def test_a_terminal_has_one_line_of_progress_and_what_follows_stands_below() -> None:
+def test_a_terminal_has_one_line_of_progress_and_what_follows_stands_below(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setenv("NO_COLOR", "1")
     stream = _Terminal()
     progress = Progress(as_json=False, quiet=False, stream=stream)
+    progress.on_event(Started("films/clip.mp4", "out/", 3, 0))
     progress.on_event(FrameDone(1, 1, 3))
     progress.on_event(Warned("frame 2 is damaged"))
     progress.on_event(FrameDone(2, 2, 3))
     progress.on_event(FrameDone(3, 3, 3))
-    progress.on_event(Finished(written=3, present=0, seconds=1.0, bytes_written=1_000_000))
+    progress.on_event(
+        Finished(written=3, present=0, seconds=1.0, bytes_written=1_000_000, peak_nits=812.4)
+    )
     lines = stream.getvalue().split("\n")
-    assert lines[0].startswith("\r1/3 frames")
+    assert lines[0].startswith("\rclip.mp4 [")
+    assert "] 0/3 frames" in lines[0]
     assert lines[1] == "itmo-video: frame 2 is damaged"
-    assert lines[2].count("\r") == 2
-    assert lines[3:] == ["itmo-video: 3 frames made, 1.0 s, 1.0 MB", ""]
+    assert lines[2].startswith("\rclip.mp4 [########")
+    assert "] 3/3 frames, " in lines[2]
+    assert "-" not in lines[2].split("]")[0]
+    assert lines[3:] == ["itmo-video: out/: 3 frames made, peak 812 nits, 1.0 s, 1.0 MB", ""]
     piped = io.StringIO()
     Progress(as_json=False, quiet=False, stream=piped).on_event(FrameDone(1, 1, 3))
     assert piped.getvalue() == "", "progress is for terminals"

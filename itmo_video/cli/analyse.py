@@ -5,8 +5,9 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING, Any
 
-from itmo_video.cli.option_flags import add_options, options_of
-from itmo_video.cli.run_flags import OF_ANALYSE
+from itmo_video.cli.config_file import options_said, tell_config
+from itmo_video.cli.option_flags import add_options
+from itmo_video.cli.run_flags import OF_ANALYSE, add_telling, progress_of
 from itmo_video.cli.settings_flags import add_settings, settings_of
 from itmo_video.conversion.run_options import RunOptions
 from itmo_video.errors import UsageError
@@ -38,65 +39,52 @@ def add_analyse(commands: Any) -> None:
         help="render all and print MaxCLL and MaxFALL as encoders' options, instead",
     )  # fmt: skip
     add_options(analyse, RunOptions, OF_ANALYSE)
-    analyse.add_argument("--quiet", action="store_true", help="no notices")
+    add_telling(analyse, has_json=False)
     add_settings(analyse)
     analyse.set_defaults(run=_analyse)
 
 
 def _analyse(args: argparse.Namespace) -> int:
-    run = options_of(args, RunOptions)
+    run: RunOptions = options_said(args, RunOptions)
+    tell_config(args, Settings)
     if args.hdr10:
         return _hdr10(args, run)
-    analyse_to(
-        args.input, args.output, settings_of(args), run.start_number, run.max_pixels,
-        overwrite=run.overwrite, quiet=args.quiet,
-    )  # fmt: skip
+    _analyse_to(args, settings_of(args), run)
     return 0
 
 
 def _hdr10(args: argparse.Namespace, run: RunOptions) -> int:
-    from itmo_video.cli.progress import Progress
     from itmo_video.delivery.light_levels import encoder_options, film_light_levels
 
     if args.output is not None:
         raise UsageError("--hdr10 prints encoders' options", remedy="Leave --output out.")
-    progress = Progress(as_json=False, quiet=args.quiet)
+    progress = progress_of(args)
     light, peak = film_light_levels(args.input, settings_of(args), run, progress.on_event)
     print(encoder_options(light, peak), end="")
     return 0
 
 
-def analyse_to(
-    source: str,
-    output: str | None,
-    settings: Settings,
-    start_number: int | None,
-    max_pixels: int,
-    *,
-    overwrite: bool,
-    quiet: bool,
-) -> None:
-    """Analyse `source` and write the JSON to `output`, None for standard output.
+def _analyse_to(args: argparse.Namespace, settings: Settings, run: RunOptions) -> None:
+    """Write the JSON to --output, or to standard output.
 
     Raises OutputError where a file is there already (it may hold shots edited by hand), unless
-    `overwrite` is given and it is an analysis.
+    --overwrite is given and it is an analysis.
     """
     from itmo_video.analysis.analyse import analyse
-    from itmo_video.cli.progress import Progress
     from itmo_video.output.gate import ANALYSIS, Gate
     from itmo_video.source.opening import input_files
 
     gate = None
-    if output is not None:
-        gate = Gate(output, ANALYSIS, inputs=input_files(source), overwrite=overwrite)
+    if args.output is not None:
+        gate = Gate(args.output, ANALYSIS, inputs=input_files(args.input), overwrite=run.overwrite)
         gate.check()
 
-    progress = Progress(as_json=False, quiet=quiet)
+    progress = progress_of(args)
     analysis = analyse(
-        source,
+        args.input,
         settings,
-        start_number=start_number,
-        max_pixels=max_pixels,
+        start_number=run.start_number,
+        max_pixels=run.max_pixels,
         on_event=progress.on_event,
     )
     progress.close()

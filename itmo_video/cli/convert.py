@@ -9,10 +9,10 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from itmo_video.cli.option_flags import options_of
+from itmo_video.cli.config_file import options_said, tell_config
 from itmo_video.cli.outcome import reported
-from itmo_video.cli.run_flags import add_run_options
-from itmo_video.cli.settings_flags import add_settings, settings_of
+from itmo_video.cli.run_flags import add_run_options, progress_of
+from itmo_video.cli.settings_flags import add_settings, in_words, settings_of
 from itmo_video.conversion.run_options import RunOptions
 from itmo_video.errors import DamagedInputError, ItmoError, UsageError
 from itmo_video.html_report.report_options import ReportOptions
@@ -67,7 +67,8 @@ def _convert(args: argparse.Namespace) -> int:
     from itmo_video.cli import outputs
 
     settings = settings_of(args)
-    asked = options_of(args, RunOptions)
+    asked: RunOptions = options_said(args, RunOptions)
+    tell_config(args, Settings, RunOptions)
     kinds = _side_files(args.side_files, settings, asked)
     code = 0
     found = outputs.named(args.inputs, args.output, args.name)
@@ -86,7 +87,7 @@ def _convert(args: argparse.Namespace) -> int:
             if len(found.conversions) == 1:
                 raise
             # One bad input of many must not keep the others from being made.
-            code = max(code, reported(error))
+            code = max(code, reported(error, args.log_file))
     return code
 
 
@@ -104,7 +105,6 @@ def _side_files(text: str | None, settings: Settings, run: RunOptions) -> list[s
 def _convert_one(
     args: argparse.Namespace, source: str, output: str, settings: Settings, run: RunOptions
 ) -> None:
-    from itmo_video.cli.progress import Progress
     from itmo_video.conversion import checking
     from itmo_video.conversion.convert import convert
     from itmo_video.source.pipe import is_pipe
@@ -138,7 +138,8 @@ def _convert_one(
     page = ReportOptions(clip=Path(source), overwrite=run.overwrite)
     if args.report and os.path.isdir(output):
         report_gate(Path(output), page, None).check()
-    progress = Progress(as_json=args.json, quiet=args.quiet)
+    progress = progress_of(args)
+    progress.detail(in_words(settings))
     damage: DamagedInputError | None = None
     try:
         convert(source, output, settings, run, progress.on_event, executor)

@@ -8,6 +8,7 @@ import os
 import signal
 import sys
 from collections.abc import Sequence
+from contextlib import ExitStack
 from types import FrameType
 from typing import Any, NoReturn
 
@@ -16,6 +17,7 @@ from itmo_video.cli.completion import add_completion
 from itmo_video.cli.convert import add_convert
 from itmo_video.cli.evaluate import add_evaluate
 from itmo_video.cli.info import add_info
+from itmo_video.cli.log_file import LogFile
 from itmo_video.cli.manual import add_manual
 from itmo_video.cli.outcome import interrupted, out_of_memory, reported, unexpected
 from itmo_video.cli.preview import add_preview
@@ -39,13 +41,31 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run the command line; returns the exit code (cli.md)."""
     signal.signal(signal.SIGTERM, _on_sigterm)
     with_streams()
+    said = sys.argv[1:] if argv is None else list(argv)
+    with ExitStack() as closing:
+        try:
+            args = _parser().parse_args(said)
+            args.log_file = None
+            if getattr(args, "log", None) is not None:
+                args.log_file = closing.enter_context(LogFile(args.log))
+                args.log_file.began(said)
+        except ItmoError as error:
+            return reported(error)
+        except OSError as error:
+            return _lost_or_unexpected(error)
+        code = _run(args)
+        if args.log_file is not None:
+            args.log_file.write(f"exit code {code}")
+        return code
+
+
+def _run(args: argparse.Namespace) -> int:
     try:
-        args = _parser().parse_args(argv)
         code = int(args.run(args) or 0)
         sys.stdout.flush()
         return code
     except ItmoError as error:
-        return reported(error)
+        return reported(error, args.log_file)
     except KeyboardInterrupt:
         return interrupted(130)
     except _Terminated:
@@ -53,11 +73,14 @@ def main(argv: Sequence[str] | None = None) -> int:
     except MemoryError:
         return out_of_memory()
     except OSError as error:
-        if (code_of_stream := lost_output(error)) is not None:
-            return code_of_stream
-        return unexpected(error)
+        return _lost_or_unexpected(error)
     except Exception as error:
         return unexpected(error)
+
+
+def _lost_or_unexpected(error: OSError) -> int:
+    code_of_stream = lost_output(error)
+    return unexpected(error) if code_of_stream is None else code_of_stream
 
 
 def run() -> NoReturn:

@@ -6,13 +6,17 @@ import os
 import sys
 import traceback
 
+from itmo_video.cli.log_file import LogFile
+from itmo_video.cli.terminal import named
 from itmo_video.errors import ItmoError
 
 
-def reported(error: ItmoError) -> int:
-    """Print an error; returns its exit code."""
+def reported(error: ItmoError, log: LogFile | None = None) -> int:
+    """Print an error, and log it; returns its exit code."""
     debug()
-    print(f"itmo-video: {error}", file=sys.stderr)
+    print(named(error, sys.stderr, "red"), file=sys.stderr)
+    if log is not None:
+        log.write(error)
     return error.exit_code
 
 

@@ -7,9 +7,10 @@ import os
 import sys
 from typing import Any
 
-from itmo_video.cli.option_flags import add_options, given, options_of
-from itmo_video.cli.run_flags import OF_PREVIEW, add_telling
-from itmo_video.cli.settings_flags import add_settings, settings_of
+from itmo_video.cli.config_file import options_said, tell_config
+from itmo_video.cli.option_flags import add_options, given
+from itmo_video.cli.run_flags import OF_PREVIEW, add_telling, progress_of
+from itmo_video.cli.settings_flags import add_settings, in_words, settings_of
 from itmo_video.conversion.run_options import RunOptions
 from itmo_video.delivery.preview_options import OF_ENCODING, OF_VIEW, PreviewOptions
 from itmo_video.errors import UsageError
@@ -58,17 +59,19 @@ def add_preview(commands: Any) -> None:
 
 
 def _run(args: argparse.Namespace) -> int:
-    from itmo_video.cli.progress import Progress
     from itmo_video.delivery.preview import preview
 
     source = args.preview_source
-    is_said = args.preset != "default" or bool(given(args, Settings))
+    is_said = args.preset is not None or bool(given(args, Settings))
     settings = settings_of(args) if is_said or not os.path.isdir(source) else None
-    run, options = options_of(args, RunOptions), options_of(args, PreviewOptions)
+    run, options = options_said(args, RunOptions), options_said(args, PreviewOptions)
+    tell_config(args, *([] if settings is None else [Settings]), RunOptions, PreviewOptions)
     to_pipe = args.output == "-"
     if to_pipe and args.json:
         raise UsageError("standard output carries the film", remedy="Leave --json out.")
-    progress = Progress(as_json=args.json, quiet=args.quiet)
+    progress = progress_of(args)
+    if settings is not None:
+        progress.detail(in_words(settings))
     summary = preview(source, args.output, settings, run, options, progress.on_event)
     if summary.max_cll and not (args.quiet or args.json):
         print(

@@ -1,43 +1,92 @@
-"""Progress of a conversion: JSON lines for machines, rate and time left for people."""
+"""Progress of a command: JSON lines for machines; a bar, the rate and the time left for people."""
 
 from __future__ import annotations
 
 import json
+import os
 import sys
 import time
 from typing import TextIO
 
-from itmo_video.events import Event, Finished, FrameDone, Warned, as_json
+from itmo_video.cli.log_file import LogFile
+from itmo_video.cli.terminal import PROGRAM, named, width_of
+from itmo_video.events import Event, Finished, FrameDone, Started, Warned, as_json
 from itmo_video.words import counted
+
+_REDRAW_S = 0.1
+_BAR, _NAME = 24, 30  # columns at most
 
 
 class Progress:
-    """Tells events: as JSON on standard output, else on standard error, the rate on terminals."""
+    """Tells events: as JSON on standard output, else on standard error, with a bar on terminals.
 
-    def __init__(self, *, as_json: bool, quiet: bool, stream: TextIO | None = None) -> None:
-        self._as_json, self._quiet = as_json, quiet
+    `is_verbose` tells each frame in a line of its own, and so does `log`, whatever is quiet.
+    """
+
+    def __init__(
+        self,
+        *,
+        as_json: bool,
+        quiet: bool,
+        stream: TextIO | None = None,
+        is_verbose: bool = False,
+        log: LogFile | None = None,
+    ) -> None:
+        self._as_json, self._quiet, self._is_verbose = as_json, quiet, is_verbose
+        self._log = log
         self._stream = stream or sys.stderr
+        self._has_bar = self._stream.isatty() and not (quiet or is_verbose)
         self._began = time.monotonic()
-        self._on_terminal = self._stream.isatty()
-        self._is_line_open = False
+        self._drawn = float("-inf")
+        self._name = self._output = ""
+        self._shown = 0  # columns of the line that is open
         self._lost: Exception | None = None
 
     def on_event(self, event: Event) -> None:
         """Tell one event."""
         if self._as_json:
             self._tell(json.dumps(as_json(event)))
-        if self._quiet:
-            return
         match event:
+            case Started(source, output, frames, present):
+                self._name, self._output = os.path.basename(os.path.normpath(source)), output
+                self._began = time.monotonic()
+                to = f" to {output}" if output else ""
+                there = f", {present} there before" if present else ""
+                self.detail(f"{source}{to}: {counted(frames, 'frame') if frames else 'frames'}"
+                            f"{' as they come' if not frames else ''}{there}")  # fmt: skip
+                self._draw(0, frames - present)
             case Warned(message):
-                self.close()
-                print(f"itmo-video: {message}", file=self._stream)
-            case FrameDone(_, done, of) if self._on_terminal:
-                self._line(done, of)
+                self._say(message, "yellow")
+            case FrameDone(number, done, of):
+                self.detail(f"frame {number}: {done}{f' of {of}' if of else ''}")
+                self._draw(done, of)
                 if done == of:
                     self.close()
             case Finished():
                 self._sum_up(event)
+
+    def detail(self, message: str) -> None:
+        """Tell what only --verbose and --log want to know."""
+        if self._log is not None:
+            self._log.write(message)
+        if self._is_verbose:
+            self.close()
+            print(f"{PROGRAM}: {message}", file=self._stream)
+
+    def close(self) -> None:
+        """End the line that stands on the terminal, so that others may write below it."""
+        if self._shown:
+            print(file=self._stream)
+        self._shown = 0
+
+    def _say(self, message: str, colour: str | None = None) -> None:
+        if self._log is not None:
+            self._log.write(message)
+        if self._quiet:
+            return
+        self.close()
+        told = named(message, self._stream, colour) if colour else f"{PROGRAM}: {message}"
+        print(told, file=self._stream)
 
     def _tell(self, line: str) -> None:
         """A line on standard output; who reads no longer does not stop the work."""
@@ -49,26 +98,48 @@ class Progress:
             self._lost = error
 
     def _sum_up(self, event: Finished) -> None:
-        self.close()
+        where = f"{self._output}: " if self._output else ""
         present = f", {event.present} there before" if event.present else ""
-        print(
-            f"itmo-video: {counted(event.written, 'frame')} made{present}, "
-            f"{event.seconds:.1f} s, {event.bytes_written / 1e6:.1f} MB",
-            file=self._stream,
+        peak = event.peak_nits if event.peak_nits is not None else event.max_cll
+        brightest = f", peak {peak:.0f} nits" if peak else ""
+        self._say(
+            f"{where}{counted(event.written, 'frame')} made{present}{brightest}, "
+            f"{event.seconds:.1f} s, {event.bytes_written / 1e6:.1f} MB"
         )
 
-    def _line(self, done: int, total: int) -> None:
-        elapsed = max(time.monotonic() - self._began, 1e-6)
-        rate = done / elapsed
-        of, left = f"/{total}", f", {(total - done) / rate:.0f} s left"
-        if not total:  # of a pipe
-            of = left = ""
-        text = f"\r{done}{of} frames, {rate:.1f} fps{left} "
-        print(text, end="", file=self._stream, flush=True)
-        self._is_line_open = True
+    def _draw(self, done: int, total: int) -> None:
+        """The bar, at most ten times a second, and when all is done."""
+        now = time.monotonic()
+        if not self._has_bar or (done != total and now - self._drawn < _REDRAW_S):
+            return
+        self._drawn = now
+        text = bar_line(self._name, done, total, now - self._began, width_of(self._stream) - 1)
+        print("\r" + text.ljust(self._shown), end="", file=self._stream, flush=True)
+        self._shown = len(text)
 
-    def close(self) -> None:
-        """End the line that stands on the terminal, so that others may write below it."""
-        if self._is_line_open:
-            print(file=self._stream)
-        self._is_line_open = False
+
+def bar_line(name: str, done: int, total: int, elapsed_s: float, columns: int) -> str:
+    """`clip.mp4 [####----] 12/48 frames, 5.1 fps, 0:07 left`, no wider than `columns`.
+
+    `total` is 0 where nobody knows it; what has no room goes: the bar, then the name.
+    """
+    rate = done / max(elapsed_s, 1e-6)
+    facts = f"{done}{f'/{total}' if total else ''} frames"
+    if done:
+        facts += f", {rate:.1f} fps"
+        if total:
+            facts += f", {_clock((total - done) / rate)} left"
+    elif elapsed_s >= 1:
+        facts += f", {_clock(elapsed_s)}"
+    short = name if len(name) <= _NAME else f"{name[: _NAME - 3]}..."
+    room = min(_BAR, columns - len(short) - len(facts) - 4)
+    if total and room >= 8:
+        full = room * min(done, total) // total
+        return f"{short} [{'#' * full}{'-' * (room - full)}] {facts}"
+    return (f"{short} {facts}" if columns > len(short) + len(facts) else facts)[: max(0, columns)]
+
+
+def _clock(seconds: float) -> str:
+    minutes, rest = divmod(round(seconds), 60)
+    hours, minutes = divmod(minutes, 60)
+    return f"{hours}:{minutes:02d}:{rest:02d}" if hours else f"{minutes}:{rest:02d}"

@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import argparse
+from typing import TYPE_CHECKING, Any
 
 from itmo_video.cli.option_flags import add_options
 from itmo_video.conversion.run_options import RunOptions
+
+if TYPE_CHECKING:
+    from itmo_video.cli.progress import Progress
 
 OF_ANALYSE = ("start_number", "max_pixels", "overwrite")
 OF_PREVIEW = ("frames", "jobs", "analysis", *OF_ANALYSE)
@@ -34,9 +38,27 @@ def add_run_options(parser: argparse.ArgumentParser) -> None:
     add_telling(group)
 
 
-def add_telling(group: argparse._ArgumentGroup) -> None:
+def add_telling(group: Any, *, has_json: bool = True) -> None:
     """Add the flags of what is told while a command runs."""
-    group.add_argument("--quiet", action="store_true", help="no progress and no notices")
-    group.add_argument(
-        "--json", action="store_true", help="one line of JSON an event on standard output"
+    loud = group.add_mutually_exclusive_group()
+    loud.add_argument("--quiet", action="store_true", help="no progress and no notices")
+    loud.add_argument(
+        "--verbose", action="store_true", help="tell the settings, and each frame as it is made"
     )
+    group.add_argument(
+        "--log", metavar="FILE", help="append all that --verbose tells to a file, with times"
+    )
+    if has_json:
+        group.add_argument(
+            "--json", action="store_true", help="one line of JSON an event on standard output"
+        )
+
+
+def progress_of(args: argparse.Namespace) -> Progress:
+    """Who tells events as the flags of `add_telling` ask for."""
+    from itmo_video.cli.progress import Progress
+
+    return Progress(
+        as_json=getattr(args, "json", False), quiet=args.quiet, is_verbose=args.verbose,
+        log=args.log_file,
+    )  # fmt: skip

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import argparse
+import dataclasses
 
-from itmo_video.cli.option_flags import add_options, given
+from itmo_video.cli.config_file import preset_of, said
+from itmo_video.cli.option_flags import add_options
+from itmo_video.options import flag_of
 from itmo_video.presets import make_settings
 from itmo_video.settings import Settings
 
@@ -15,13 +18,27 @@ def add_settings(parser: argparse.ArgumentParser) -> None:
         "settings (each may stand in a preset's TOML, too; in brackets what holds without either)"
     )
     group.add_argument(
-        "--preset", default="default", metavar="NAME|FILE.toml",
+        "--preset", default=None, metavar="NAME|FILE.toml",
         help="a named set of settings that flags override (default)",
     )  # fmt: skip
+    group.add_argument(
+        "--no-config", action="store_true", help="leave the config file of the user out"
+    )
     defaults = vars(make_settings())
     add_options(group, Settings, defaults=defaults, negatable=True)
 
 
+def in_words(settings: Settings) -> str:
+    """All settings in one line, by the names of their flags."""
+    values = settings.as_dict()
+    told = (
+        f"{flag_of(f)}={values[f.name]}"
+        for f in dataclasses.fields(Settings)
+        if values[f.name] not in (None, [], {})
+    )
+    return f"settings: {', '.join(told)}"
+
+
 def settings_of(args: argparse.Namespace) -> Settings:
-    """The settings by preset and flags; raises UsageError for what they do not allow."""
-    return make_settings(args.preset, **given(args, Settings))
+    """The settings by preset, config and flags; raises UsageError for what they do not allow."""
+    return make_settings(preset_of(args), **said(args, Settings))

@@ -6,7 +6,8 @@ import argparse
 import sys
 from typing import Any
 
-from itmo_video.cli.option_flags import add_options, given, options_of
+from itmo_video.cli.config_file import preset_of, said, tell_config
+from itmo_video.cli.option_flags import add_options, options_of
 from itmo_video.cli.settings_flags import add_settings
 from itmo_video.conversion.run_options import RunOptions
 from itmo_video.settings import Settings
@@ -43,7 +44,8 @@ def _run(args: argparse.Namespace) -> int:
         if not options.no_browser:
             webbrowser.open(address)
 
-    document = Document(args.preset, given(args, Settings), run.analysis)
+    tell_config(args, Settings)
+    document = Document(preset_of(args), said(args, Settings), run.analysis)
     try:
         serve(args.clip, document, options, run, on_ready)
     except KeyboardInterrupt:

@@ -6,7 +6,8 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from itmo_video.cli.option_flags import add_options, given, options_of
+from itmo_video.cli.config_file import preset_of, said, tell_config
+from itmo_video.cli.option_flags import add_options, options_of
 from itmo_video.cli.settings_flags import add_settings
 from itmo_video.conversion.run_options import RunOptions
 from itmo_video.settings import Settings
@@ -43,6 +44,7 @@ def _run(args: argparse.Namespace) -> int:
 
     options, run = options_of(args, VariantsOptions), options_of(args, RunOptions)
     output = Path(args.output)
-    contact_sheet(args.clip, output, args.preset, given(args, Settings), options, run)
+    tell_config(args, Settings)
+    contact_sheet(args.clip, output, preset_of(args), said(args, Settings), options, run)
     print(output)
     return 0

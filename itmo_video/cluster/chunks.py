@@ -52,6 +52,7 @@ class Outcome:
     damaged: tuple[int, ...]
     missing: tuple[int, ...]
     bytes_written: int
+    peak_nits: float
     ended: tuple[DamagedInputError, ...]
 
 
@@ -122,6 +123,7 @@ def make_chunk(chunk: Chunk) -> Outcome:
         tuple(summary.damaged),
         tuple(summary.missing),
         summary.bytes_written,
+        summary.peak_nits or 0.0,
         tuple(ended),
     )
 

@@ -168,6 +168,8 @@ def _count(outcome: Outcome, job: Job, summary: Summary, on_event: OnEvent) -> N
     summary.damaged.extend(outcome.damaged)
     summary.missing.extend(outcome.missing)
     summary.bytes_written += outcome.bytes_written
+    if outcome.peak_nits:
+        summary.peak_nits = max(outcome.peak_nits, summary.peak_nits or 0.0)
     for number in outcome.made:
         summary.written += 1
         on_event(FrameDone(number, summary.written, len(job.todo)))

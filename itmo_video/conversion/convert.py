@@ -5,9 +5,11 @@ from __future__ import annotations
 import dataclasses
 import threading
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+
+import numpy as np
 
 from itmo_video.conversion.exr_headers import exr_header
 from itmo_video.conversion.frame_ranges import format_ranges
@@ -16,7 +18,7 @@ from itmo_video.conversion.run_options import RunOptions
 from itmo_video.errors import DamagedInputError, OutputError, UsageError
 from itmo_video.events import Finished, FrameDone, OnEvent, Started, Warned, ignore
 from itmo_video.look import make_look
-from itmo_video.model import Frame
+from itmo_video.model import Frame, Half
 from itmo_video.output import disk_space, exr
 from itmo_video.output.folder import OutputFolder
 from itmo_video.output.folder_names import check_folder_name
@@ -33,6 +35,8 @@ from itmo_video.words import counted, missing
 class Summary:
     """What a conversion did: numbers of frames, of files; `missing` and `damaged` name them.
 
+    `peak_nits` is the brightest channel of what was written, None where nothing was.
+
     >>> from itmo_video import convert
     >>> once, again = convert("clip.mkv", "out"), convert("clip.mkv", "out")
     >>> (once.written, once.present), (again.written, again.present)
@@ -46,6 +50,7 @@ class Summary:
     damaged: list[int] = field(default_factory=list)
     seconds: float = 0.0
     bytes_written: int = 0
+    peak_nits: float | None = None
 
 
 @dataclass(frozen=True)
@@ -155,7 +160,9 @@ def render_job(job: Job, summary: Summary, on_event: OnEvent) -> list[DamagedInp
                 layers=rendered.layers,
                 durable=run.durable,
             )
+        peak = peak_of(rendered.rgb) * plan.settings.white_nits
         with lock:
+            summary.peak_nits = max(peak, summary.peak_nits or 0.0)
             by_index.pop(frame.index)
             summary.written += 1
             summary.bytes_written += size
@@ -168,6 +175,13 @@ def render_job(job: Job, summary: Summary, on_event: OnEvent) -> list[DamagedInp
     )
     summary.missing.extend(by_index.values())
     return ended
+
+
+def peak_of(rgb: Sequence[Half]) -> float:
+    """The largest of all values; 0 at least."""
+    # Bits of halves above 0 sort as whole numbers do, and NumPy has no quick maximum of halves.
+    bits = max(int(plane.view(np.int16).max()) for plane in rgb)
+    return float(np.int16(max(0, bits)).view(np.float16))
 
 
 def _other_settings(numbers: list[int], folder: OutputFolder) -> OutputError:

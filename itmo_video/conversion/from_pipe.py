@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from itmo_video.conversion.convert import Summary
+from itmo_video.conversion.convert import Summary, peak_of
 from itmo_video.conversion.exr_headers import exr_header
 from itmo_video.conversion.frame_ranges import format_ranges, parse_ranges
 from itmo_video.conversion.plan import Plan
@@ -165,7 +165,9 @@ def _render(
                 layers=rendered.layers,
                 durable=run.durable,
             )
+        peak = peak_of(rendered.rgb) * plan.settings.white_nits
         with lock:
+            summary.peak_nits = max(peak, summary.peak_nits or 0.0)
             if run.frames is not None:
                 made.add(number)
             summary.written += 1

@@ -1,0 +1,159 @@
+"""The user's config file: what holds where neither a flag nor a preset is given.
+
+$XDG_CONFIG_HOME/itmo-video/config.toml, with `preset = NAME` and tables of flags without their
+dashes: [settings] as in a preset, [run] and [preview]. Frames follow the effective settings, which
+the folder's manifest records, wherever these come from.
+"""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import os
+import sys
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from itmo_video.cli.option_flags import given
+from itmo_video.conversion.run_options import RunOptions
+from itmo_video.delivery.preview_options import OF_ENCODING, PreviewOptions
+from itmo_video.errors import InputError, UsageError
+from itmo_video.options import flag_of, options_from, spec_of
+from itmo_video.presets import load_preset, overriding
+from itmo_video.settings import Settings
+from itmo_video.untrusted import read_toml
+
+# Nothing that replaces files or picks frames: that is asked for each time.
+_TABLES: dict[str, tuple[type[Any], tuple[str, ...] | None]] = {
+    "settings": (Settings, None),
+    "run": (RunOptions, ("jobs", "durable", "max_pixels")),
+    "preview": (
+        PreviewOptions,
+        ("view", "tone_map", "layout", "wipe_at", "no_labels", "scale", *OF_ENCODING),
+    ),
+}
+
+
+@dataclass(frozen=True)
+class Config:
+    """A config file's values by the fields' names, for each kind of options; empty without one."""
+
+    path: Path | None = None
+    preset: str | None = None
+    values: Mapping[type[Any], Mapping[str, Any]] = field(default_factory=dict)
+
+    def of(self, kind: type[Any]) -> Mapping[str, Any]:
+        """The values for options of this kind."""
+        return self.values.get(kind, {})
+
+
+def config_path() -> Path | None:
+    """Where the file is looked for; None where there is no home."""
+    base = os.environ.get("XDG_CONFIG_HOME", "")
+    if not os.path.isabs(base):  # the specification has relative ones ignored
+        base = os.environ.get("APPDATA", "") if os.name == "nt" else ""
+    try:
+        folder = Path(base) if base else Path.home() / ".config"
+    except RuntimeError:
+        return None
+    return folder / "itmo-video" / "config.toml"
+
+
+def read_config(path: Path) -> Config:
+    """A config file; raises UsageError, naming it, for what it may not hold."""
+    try:
+        content = read_toml(path)
+    except InputError as error:
+        if isinstance(error.__cause__, FileNotFoundError | NotADirectoryError):
+            return Config()
+        raise _wrong(error.what, path) from error
+    if unknown := sorted(set(content) - {"preset", *_TABLES}):
+        raise _wrong(f"unknown entry {', '.join(unknown)}", path)
+    preset = content.get("preset")
+    if preset is not None and not isinstance(preset, str):
+        raise _wrong("preset must be a word", path)
+    try:
+        if preset is not None:
+            load_preset(preset)
+        values = {
+            kind: _checked(content.get(table, {}), table, kind, only)
+            for table, (kind, only) in _TABLES.items()
+        }
+    except UsageError as error:
+        raise _wrong(error.what, path, error.remedy) from error
+    return Config(path, preset, values)
+
+
+def config_of(args: argparse.Namespace) -> Config:
+    """The user's config, unless --no-config; read once a command."""
+    if not hasattr(args, "config"):
+        path = None if args.no_config else config_path()
+        args.config = Config() if path is None else read_config(path)
+    assert isinstance(args.config, Config)
+    return args.config
+
+
+def preset_of(args: argparse.Namespace) -> str:
+    """The preset that holds: the flag's, the config's, or `default`."""
+    return args.preset or config_of(args).preset or "default"
+
+
+def said(args: argparse.Namespace, kind: type[Any]) -> dict[str, Any]:
+    """What config and flags say of the options of `kind`; the flags win.
+
+    The config's settings go with its own preset: with --preset they do not hold.
+    """
+    flags = given(args, kind)
+    if kind is Settings and args.preset is not None:
+        return flags
+    return overriding(config_of(args).of(kind), flags)
+
+
+def options_said(args: argparse.Namespace, kind: type[Any]) -> Any:
+    """The options of `kind` by config and flags; raises UsageError for what is not allowed."""
+    return options_from(kind, said(args, kind))
+
+
+def tell_config(args: argparse.Namespace, *kinds: type[Any]) -> None:
+    """Say on standard error which defaults come from the config file, unless --quiet."""
+    config = config_of(args)
+    told: list[str] = []
+    for kind in kinds:
+        held, flags = said(args, kind), given(args, kind)
+        names = {f.name: flag_of(f) for f in dataclasses.fields(kind)}
+        told += [
+            f"{names[n]} {v}" for n, v in config.of(kind).items() if n in held and n not in flags
+        ]
+    if Settings in kinds and config.preset is not None and args.preset is None:
+        told.insert(0, f"preset {config.preset}")
+    if not told:
+        return
+    message = f"from {config.path}: {', '.join(told)} (--no-config leaves it out)"
+    if getattr(args, "log_file", None) is not None:
+        args.log_file.write(message)
+    if not getattr(args, "quiet", False):
+        print(f"itmo-video: {message}", file=sys.stderr)
+
+
+def _checked(
+    table: object, name: str, kind: type[Any], only: tuple[str, ...] | None
+) -> dict[str, Any]:
+    if not isinstance(table, dict):
+        raise UsageError(f"[{name}] must be a table")
+    known = {flag_of(f): f for f in dataclasses.fields(kind) if only is None or f.name in only}
+    values: dict[str, Any] = {}
+    for key, value in table.items():
+        flag = key.replace("_", "-")
+        if flag not in known:
+            raise UsageError(f"[{name}] has no {key}", remedy=f"Known: {', '.join(sorted(known))}")
+        values[known[flag].name] = spec_of(known[flag]).check(flag, value)
+    return overriding({}, values)
+
+
+def _wrong(what: str, path: Path, remedy: str | None = None) -> UsageError:
+    return UsageError(
+        f"config file: {what}", where=str(path),
+        remedy=remedy or "Mend it, or leave it out by --no-config.",
+    )  # fmt: skip

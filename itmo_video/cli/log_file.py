@@ -1,0 +1,85 @@
+"""The log file of `--log`: what is told while a command runs, with times; runs are appended."""
+
+from __future__ import annotations
+
+import os
+import re
+import shlex
+import stat
+import sys
+import threading
+from collections.abc import Sequence
+from contextlib import suppress
+from datetime import UTC, datetime
+from types import TracebackType
+
+from itmo_video.errors import OutputError
+from itmo_video.output.atomic import StrPath, output_error
+
+_TIME = "%Y-%m-%dT%H:%M:%S"
+_OURS = re.compile(rb"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d\.\d{3}Z ")
+
+
+class LogFile:
+    """Appends lines to a file, each with its time (UTC); raises OutputError for a file not ours.
+
+    What cannot be written later on is said once, and does not end the work.
+    """
+
+    def __init__(self, path: StrPath) -> None:
+        self._path, self._lost = os.fspath(path), False
+        self._lock = threading.Lock()
+        try:
+            flags = os.O_RDWR | os.O_APPEND | os.O_CREAT | getattr(os, "O_NONBLOCK", 0)
+            descriptor = os.open(path, flags, 0o666)
+        except OSError as error:
+            raise output_error(error, path) from error
+        try:
+            if not stat.S_ISREG(os.fstat(descriptor).st_mode):
+                raise _refused("it is no regular file", self._path)
+            head = os.read(descriptor, 64)
+            if head and not _OURS.match(head):
+                raise _refused("there is a file that is no log of itmo-video's", self._path)
+        except BaseException:
+            os.close(descriptor)
+            raise
+        self._descriptor = descriptor
+
+    def __enter__(self) -> LogFile:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        value: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        with suppress(OSError):
+            os.close(self._descriptor)
+
+    def began(self, argv: Sequence[str]) -> None:
+        """The first line of a run: the version and the command."""
+        from importlib.metadata import version
+
+        self.write(f"itmo-video {version('itmo_video')}: {shlex.join(argv)}")
+
+    def write(self, message: object) -> None:
+        """Append a message; each of its lines is one of the log's."""
+        now = datetime.now(UTC)
+        at = f"{now.strftime(_TIME)}.{now.microsecond // 1000:03d}Z"
+        text = "".join(f"{at} {line}\n" for line in str(message).splitlines())
+        left = memoryview(text.encode("utf-8", "backslashreplace"))
+        with self._lock:
+            try:
+                while left and not self._lost:
+                    left = left[os.write(self._descriptor, left) :]
+            except OSError as error:
+                self._lost = True
+                print(
+                    f"itmo-video: {self._path}: the log cannot be written ({error.strerror})",
+                    file=sys.stderr,
+                )
+
+
+def _refused(what: str, path: str) -> OutputError:
+    return OutputError(f"not written: {what}", where=path, remedy="Choose another name.")
