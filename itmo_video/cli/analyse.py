@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import argparse
+import os
 from typing import TYPE_CHECKING, Any
 
 from itmo_video.cli.config_file import options_said, tell_config
-from itmo_video.cli.option_flags import add_options
+from itmo_video.cli.option_flags import add_options, given
 from itmo_video.cli.run_flags import OF_ANALYSE, add_telling, progress_of
 from itmo_video.cli.settings_flags import add_settings, settings_of
 from itmo_video.conversion.run_options import RunOptions
@@ -16,6 +17,7 @@ from itmo_video.words import counted
 
 if TYPE_CHECKING:
     from itmo_video.analysis.model import Analysis
+    from itmo_video.output.gate import Gate
 
 MOST_SHOTS = 20  # at the terminal
 
@@ -30,7 +32,9 @@ def add_analyse(commands: Any) -> None:
         '"peak_nits": 600, "operator": ..., also a "preset"), or "enabled": false; convert '
         "and preview --analysis read it.",
     )
-    analyse.add_argument("input", metavar="INPUT", help="a clip")
+    analyse.add_argument(
+        "input", metavar="INPUT", help="a clip, or for metadata a converted folder"
+    )
     analyse.add_argument(
         "--output", metavar="FILE.json", help="where the JSON goes (default: standard output)"
     )
@@ -38,6 +42,11 @@ def add_analyse(commands: Any) -> None:
         "--hdr10", action="store_true",
         help="render all and print MaxCLL and MaxFALL as encoders' options, instead",
     )  # fmt: skip
+    for flag, what in (("--hdr10plus", "HDR10+"), ("--dolby-vision", "Dolby Vision's level 1")):
+        analyse.add_argument(
+            flag, metavar="FILE.json",
+            help=f"render all and write {what} by shots, instead; of a folder with --analysis",
+        )  # fmt: skip
     add_options(analyse, RunOptions, OF_ANALYSE)
     add_telling(analyse, has_json=False)
     add_settings(analyse)
@@ -46,22 +55,54 @@ def add_analyse(commands: Any) -> None:
 
 def _analyse(args: argparse.Namespace) -> int:
     run: RunOptions = options_said(args, RunOptions)
+    if args.hdr10 or args.hdr10plus or args.dolby_vision:
+        return _metadata(args, run)
+    if run.analysis is not None:
+        raise UsageError("--analysis is for --hdr10plus and --dolby-vision", remedy="Leave it out.")
     tell_config(args, Settings)
-    if args.hdr10:
-        return _hdr10(args, run)
     _analyse_to(args, settings_of(args), run)
     return 0
 
 
-def _hdr10(args: argparse.Namespace, run: RunOptions) -> int:
-    from itmo_video.delivery.light_levels import encoder_options, film_light_levels
+def _metadata(args: argparse.Namespace, run: RunOptions) -> int:
+    from itmo_video.delivery.dynamic_metadata import as_text, dolby_vision, hdr10plus
+    from itmo_video.delivery.light_levels import encoder_options, film_light_levels, mastering
+    from itmo_video.delivery.shot_light import film_light_by_shots
 
     if args.output is not None:
-        raise UsageError("--hdr10 prints encoders' options", remedy="Leave --output out.")
+        raise UsageError("metadata have files of their own", remedy="Leave --output out.")
+    settings = None
+    if not os.path.isdir(args.input):
+        settings = settings_of(args)
+        tell_config(args, Settings, RunOptions)
+    elif args.preset is not None or given(args, Settings):
+        raise UsageError("a folder has the settings that it was made with", where=args.input)
+    gates = {
+        kind: _gate(path, args, run)
+        for kind, path in ((hdr10plus, args.hdr10plus), (dolby_vision, args.dolby_vision))
+        if path is not None
+    }
     progress = progress_of(args)
-    light, peak = film_light_levels(args.input, settings_of(args), run, progress.on_event)
-    print(encoder_options(light, peak), end="")
+    if not gates:
+        light, peak = film_light_levels(args.input, settings, run, progress.on_event)
+    else:
+        film = film_light_by_shots(args.input, settings, run, progress.on_event)
+        light, peak = film.light, film.peak_nits
+        for kind, gate in gates.items():
+            gate.write(as_text(kind(film, mastering(peak))).encode())
+    if args.hdr10:
+        print(encoder_options(light, peak), end="")
     return 0
+
+
+def _gate(path: str, args: argparse.Namespace, run: RunOptions) -> Gate:
+    from itmo_video.output.gate import DYNAMIC_METADATA, Gate
+    from itmo_video.source.opening import input_files
+
+    inputs = [] if os.path.isdir(args.input) else input_files(args.input)
+    gate = Gate(path, DYNAMIC_METADATA, inputs=inputs, overwrite=run.overwrite)
+    gate.check()
+    return gate
 
 
 def _analyse_to(args: argparse.Namespace, settings: Settings, run: RunOptions) -> None:

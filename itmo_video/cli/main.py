@@ -42,30 +42,27 @@ def main(argv: Sequence[str] | None = None) -> int:
     signal.signal(signal.SIGTERM, _on_sigterm)
     with_streams()
     said = sys.argv[1:] if argv is None else list(argv)
+    log: list[LogFile] = []  # there once the flags are read
     with ExitStack() as closing:
-        try:
-            args = _parser().parse_args(said)
-            args.log_file = None
-            if getattr(args, "log", None) is not None:
-                args.log_file = closing.enter_context(LogFile(args.log))
-                args.log_file.began(said)
-        except ItmoError as error:
-            return reported(error)
-        except OSError as error:
-            return _lost_or_unexpected(error)
-        code = _run(args)
-        if args.log_file is not None:
-            args.log_file.write(f"exit code {code}")
+        code = _run(said, log, closing)
+        for file in log:
+            file.write(f"exit code {code}")
         return code
 
 
-def _run(args: argparse.Namespace) -> int:
+def _run(said: Sequence[str], log: list[LogFile], closing: ExitStack) -> int:
     try:
+        args = _parser().parse_args(said)
+        args.log_file = None
+        if getattr(args, "log", None) is not None:
+            args.log_file = closing.enter_context(LogFile(args.log))
+            args.log_file.began(said)
+            log.append(args.log_file)
         code = int(args.run(args) or 0)
         sys.stdout.flush()
         return code
     except ItmoError as error:
-        return reported(error, args.log_file)
+        return reported(error, *log)
     except KeyboardInterrupt:
         return interrupted(130)
     except _Terminated:
@@ -73,14 +70,11 @@ def _run(args: argparse.Namespace) -> int:
     except MemoryError:
         return out_of_memory()
     except OSError as error:
-        return _lost_or_unexpected(error)
+        if (code_of_stream := lost_output(error)) is not None:
+            return code_of_stream
+        return unexpected(error)
     except Exception as error:
         return unexpected(error)
-
-
-def _lost_or_unexpected(error: OSError) -> int:
-    code_of_stream = lost_output(error)
-    return unexpected(error) if code_of_stream is None else code_of_stream
 
 
 def run() -> NoReturn:

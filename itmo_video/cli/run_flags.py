@@ -11,8 +11,8 @@ from itmo_video.conversion.run_options import RunOptions
 if TYPE_CHECKING:
     from itmo_video.cli.progress import Progress
 
-OF_ANALYSE = ("start_number", "max_pixels", "overwrite")
-OF_PREVIEW = ("frames", "jobs", "analysis", *OF_ANALYSE)
+OF_ANALYSE = ("start_number", "max_pixels", "overwrite", "jobs", "analysis")
+OF_PREVIEW = ("frames", *OF_ANALYSE)
 
 
 def add_run_options(parser: argparse.ArgumentParser) -> None:

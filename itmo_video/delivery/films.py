@@ -16,7 +16,7 @@ from itmo_video.delivery.hdr import Light
 from itmo_video.delivery.pictures import Pictures
 from itmo_video.delivery.preview_options import PreviewOptions
 from itmo_video.delivery.sound import source_time_base
-from itmo_video.delivery.views import ShownFrame, shown_frame, signal_of
+from itmo_video.delivery.views import ShownFrame, shown_frame, shown_peak, signal_of
 from itmo_video.delivery.y4m import ReaderLeftError, Y4mSpec, Y4mWriter, is_stream_output
 from itmo_video.errors import DamagedInputError, UsageError
 from itmo_video.events import FrameDone, OnEvent, Warned
@@ -48,7 +48,7 @@ def write_film(
     chroma = options.chroma or default_chroma(options.codec)
     spec = FilmSpec(
         2, 2, pictures.frame_rate, _time_base(pictures), pictures.pixel_aspect, signal_of(options),
-        options.codec, chroma, pictures.peak_nits, crf_of(options), options.speed,
+        options.codec, chroma, shown_peak(pictures, options), crf_of(options), options.speed,
     )  # fmt: skip
     if not is_y4m(output):
         check_film(output, spec)

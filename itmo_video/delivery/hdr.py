@@ -6,7 +6,7 @@ Pure: arrays in, arrays out. Planes are (height, width); linear light is in nits
 from __future__ import annotations
 
 import functools
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal, TypeAlias, cast
 
@@ -86,8 +86,12 @@ def encode_nits(nits: Planes, curve: Curve, peak_nits: float) -> Planes:
     """
     if curve == "hlg":
         nits = _hlg_scene(nits, peak_nits)
-    out = [cv2.LUT(_half_bits(plane), _curve_table(curve)) for plane in nits]
-    return _three(out, nits[0].shape)
+    return _three([encode_plane(plane, curve) for plane in nits], nits[0].shape)
+
+
+def encode_plane(light: Float32, curve: Curve) -> Float32:
+    """The curve of each value, looked up: PQ of nits, HLG's OETF of scene light from 0 to 1."""
+    return _shaped(cv2.LUT(_half_bits(light), _curve_table(curve)), light.shape)
 
 
 def to_ycbcr(
@@ -125,10 +129,12 @@ def master_frame(
     curve: Curve,
     chroma: Chroma,
     frame_index: int,
+    shown: Callable[[Planes], Planes] = lambda nits: nits,
 ) -> tuple[YCbCr, Light]:
     """Codes and light of one frame: `to_nits_2020`, `frame_light`, `encode_nits`, `to_ycbcr`.
 
     The same as those four by the frame, done strip by strip; odd sizes are padded to even ones.
+    `shown` is done to the nits first, pixel by pixel.
     """
     height, width = rgb[0].shape
     padded: tuple[Any, ...] = pad_even(rgb)
@@ -138,7 +144,7 @@ def master_frame(
     peak = total = 0.0
     for top in range(0, rows, _STRIP_ROWS):
         strip = [plane[top : top + _STRIP_ROWS] for plane in padded]
-        nits = to_nits_2020(strip, primaries, white_nits, peak_nits)
+        nits = shown(to_nits_2020(strip, primaries, white_nits, peak_nits))
         inside = (nits[0][: height - top, :width], nits[1][: height - top, :width],
                   nits[2][: height - top, :width])  # fmt: skip
         light = frame_light(inside)

@@ -9,23 +9,30 @@ from itmo_video.colour.primaries import CHROMATICITIES
 from itmo_video.conversion.run_options import RunOptions
 from itmo_video.delivery import hdr
 from itmo_video.delivery.from_clip import from_clip
+from itmo_video.delivery.from_folder import from_folder
 from itmo_video.delivery.hdr import Light
 from itmo_video.delivery.metadata import Mastering
-from itmo_video.delivery.pictures import Picture
+from itmo_video.delivery.pictures import Picture, Pictures
 from itmo_video.errors import DamagedInputError
 from itmo_video.events import FrameDone, OnEvent, Started, Warned, ignore
+from itmo_video.output.converted import open_converted
+from itmo_video.presets import make_settings
 from itmo_video.settings import Settings
 
 
 def film_light_levels(
-    source: str | Path, settings: Settings, run: RunOptions, on_event: OnEvent = ignore
+    source: str | Path,
+    settings: Settings | None,
+    run: RunOptions,
+    on_event: OnEvent = ignore,
 ) -> tuple[Light, float]:
-    """MaxCLL and MaxFALL of a clip as `preview` would make it, and its peak, all in nits.
+    """MaxCLL and MaxFALL of a clip or a folder as `preview` makes it, and its peak, all in nits.
 
-    Every frame is rendered, none is kept. Raises what `preview` does: DamagedInputError where not
-    all frames were looked at, as the numbers would not be the film's.
+    Without `settings` a clip is by the preset `default`; a folder has its own. Every frame is
+    rendered, none is kept. Raises what `preview` does: DamagedInputError where not all frames were
+    looked at, as the numbers would not be the film's.
     """
-    pictures = from_clip(Path(source), settings, run)
+    pictures = pictures_of(Path(source), settings, run)
     for notice in pictures.notices:
         on_event(Warned(notice))
     on_event(Started(str(source), "", len(pictures.numbers), 0))
@@ -45,12 +52,24 @@ def film_light_levels(
     return light, pictures.peak_nits
 
 
+def pictures_of(source: Path, settings: Settings | None, run: RunOptions) -> Pictures:
+    """The pictures of a clip, converted on the fly, or of a converted folder."""
+    if source.is_dir():
+        return from_folder(open_converted(source), None, run)
+    return from_clip(source, settings or make_settings(), run)
+
+
+def mastering(peak_nits: float) -> Mastering:
+    """The display that is stated: P3-D65, with this peak."""
+    return Mastering(CHROMATICITIES["p3d65"], peak_nits)
+
+
 def encoder_options(light: Light, peak_nits: float) -> str:
     """What to tell encoders of a PQ film by y4m, a line each, ready for a shell."""
-    mastering = Mastering(CHROMATICITIES["p3d65"], peak_nits)
+    stated = mastering(peak_nits)
     cll, fall = light.as_integers
-    display, svt = shlex.quote(mastering.for_x265()), shlex.quote(mastering.for_svt())
-    x265 = f"hdr10=1:repeat-headers=1:master-display={mastering.for_x265()}:max-cll={cll},{fall}"
+    display, svt = shlex.quote(stated.for_x265()), shlex.quote(stated.for_svt())
+    x265 = f"hdr10=1:repeat-headers=1:master-display={stated.for_x265()}:max-cll={cll},{fall}"
     return (
         f"MaxCLL {cll} nits, MaxFALL {fall} nits, mastering display {peak_nits:g} nits (P3)\n"
         "x265: --colorprim bt2020 --transfer smpte2084 --colormatrix bt2020nc --range limited "

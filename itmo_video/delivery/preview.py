@@ -81,7 +81,8 @@ def preview(
             raise UsageError(
                 "a converted folder is shown as it was made, whatever settings are given",
                 where=str(source),
-                remedy="Leave the settings and --analysis out, or give the clip itself.",
+                remedy="Leave the settings and --analysis out, or give the clip itself; for a "
+                "darker display, --display-peak N.",
             )
         clip = options.clip if options.view == "compare" or is_still else None
         converted = open_converted(source)

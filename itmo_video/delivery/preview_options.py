@@ -10,8 +10,8 @@ from itmo_video.options import check_options, option
 
 View = Literal["hdr10", "hlg", "sdr", "compare", "false-colour", "ladder"]
 OF_VIEW = (
-    "view", "frame", "tone_map", "exposure", "layout", "wipe_at", "hdr_compare", "no_labels",
-    "scale", "clip",
+    "view", "frame", "tone_map", "display_peak", "exposure", "layout", "wipe_at",
+    "hdr_compare", "no_labels", "scale", "clip",
 )  # fmt: skip
 OF_ENCODING = ("no_audio", "codec", "chroma", "depth", "crf", "speed")
 
@@ -37,6 +37,10 @@ class PreviewOptions:
     tone_map: str = option(
         "bt2390", str, "how HDR is brought back to SDR",
         choices=("bt2390", "reinhard", "hable", "aces", "clip"),
+    )  # fmt: skip
+    display_peak: float | None = option(
+        None, float, "of hdr10: map to a display of this peak in nits by BT.2390's EETF",
+        lower=50, upper=10000, metavar="N",
     )  # fmt: skip
     exposure: float = option(
         0.0, float, "of sdr and compare, in stops, before the tone map", lower=-20, upper=20,

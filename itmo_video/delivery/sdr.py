@@ -14,8 +14,9 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from itmo_video.colour import linear_light, transfer
+from itmo_video.colour import linear_light
 from itmo_video.colour.primaries import rgb_to_rgb_matrix
+from itmo_video.delivery.eetf import bt2390_eetf
 from itmo_video.delivery.lettering import labelled
 from itmo_video.model import Float32, Frame, Half
 
@@ -49,21 +50,8 @@ def aces(level: Float32, peak: float) -> Float32:
 
 
 def bt2390(level: Float32, peak: float) -> Float32:
-    """ITU-R BT.2390-10's EETF, 5.4.1: a knee in PQ, linear below it; 203 nits to 1."""
-    top, target = (
-        float(transfer.pq_code(np.array(nits))) for nits in (203.0 * max(peak, 1.0001), 203.0)
-    )
-    e1 = transfer.pq_code(level * 203.0) / top
-    largest = target / top
-    knee = 1.5 * largest - 0.5
-    t = np.clip((e1 - knee) / max(1 - knee, 1e-9), 0, 1)
-    spline = (
-        (2 * t**3 - 3 * t**2 + 1) * knee
-        + (t**3 - 2 * t**2 + t) * (1 - knee)
-        + (-2 * t**3 + 3 * t**2) * largest
-    )
-    e2 = np.where(e1 < knee, e1, spline)
-    return np.asarray(transfer.pq_nits(e2 * top) / 203.0, np.float32)
+    """ITU-R BT.2390-10's EETF of a display whose peak is 203 nits, SDR white."""
+    return np.asarray(bt2390_eetf(level * 203.0, 203.0 * peak, 203.0) / 203.0, np.float32)
 
 
 def clip(level: Float32, peak: float) -> Float32:

@@ -6,6 +6,7 @@ import numpy as np
 
 from itmo_video.colour.primaries import CHROMATICITIES
 from itmo_video.delivery import hdr, sdr, stills
+from itmo_video.delivery.eetf import to_display
 from itmo_video.delivery.encoders import encode_avif
 from itmo_video.delivery.films import crf_of
 from itmo_video.delivery.gain_map import gain_map_jpeg
@@ -13,7 +14,7 @@ from itmo_video.delivery.hdr import Light
 from itmo_video.delivery.metadata import Mastering
 from itmo_video.delivery.pictures import Picture, Pictures
 from itmo_video.delivery.preview_options import PreviewOptions
-from itmo_video.delivery.views import light_of, sdr_view, signal_of
+from itmo_video.delivery.views import light_of, sdr_view, shown_peak, signal_of
 from itmo_video.errors import DamagedInputError, UsageError
 from itmo_video.output.gate import Gate
 
@@ -29,6 +30,8 @@ def check_still_options(suffix: str, options: PreviewOptions) -> None:
         raise UsageError("AVIF stills are PQ", remedy="Take --as hdr10, or name it .png or .jpg.")
     if options.view == "hlg":
         raise UsageError("stills are PQ or SDR, not HLG", remedy="Take --as hdr10 or sdr.")
+    if suffix in _JPEG and options.display_peak is not None:
+        raise UsageError("a gain map serves any display", remedy="Leave --display-peak out.")
     if suffix in _JPEG and options.view == "compare" and options.hdr_compare:
         raise UsageError("a comparison in HDR is PQ", remedy="Name it .avif or .png.")
 
@@ -39,6 +42,7 @@ def write_still(pictures: Pictures, gate: Gate, options: PreviewOptions) -> tupl
     Raises DamagedInputError where it does not decode.
     """
     suffix = gate.path.suffix.lower()
+    peak = shown_peak(pictures, options)
 
     def make(picture: Picture) -> tuple[bytes, Light]:
         if signal_of(options) == "sdr":
@@ -48,12 +52,14 @@ def write_still(pictures: Pictures, gate: Gate, options: PreviewOptions) -> tupl
         rgb, primaries, white = light_of(picture, pictures, options)
         if suffix == ".png":
             nits = hdr.to_nits_2020(rgb, primaries, white, pictures.peak_nits)
-            code, light = hdr.encode_nits(nits, "pq", pictures.peak_nits), hdr.frame_light(nits)
-            mastering = Mastering(CHROMATICITIES["p3d65"], pictures.peak_nits)
+            nits = to_display(nits, pictures.peak_nits, options.display_peak)
+            code, light = hdr.encode_nits(nits, "pq", peak), hdr.frame_light(nits)
+            mastering = Mastering(CHROMATICITIES["p3d65"], peak)
             return stills.png_pq(code, mastering, light), light
         planes, light = hdr.master_frame(
-            rgb, primaries, white, pictures.peak_nits, "pq", "420", picture.index
-        )
+            rgb, primaries, white, pictures.peak_nits, "pq", "420", picture.index,
+            lambda nits: to_display(nits, pictures.peak_nits, options.display_peak),
+        )  # fmt: skip
         crf = crf_of(options)
         return encode_avif(planes, _AVIF_CRF if crf is None else crf), light
 

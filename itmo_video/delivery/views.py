@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from itmo_video.delivery import hdr, sdr
+from itmo_video.delivery.eetf import to_display
 from itmo_video.delivery.false_colour import false_colour
 from itmo_video.delivery.film_spec import Signal
 from itmo_video.delivery.hdr import Chroma, Light, YCbCr
@@ -38,11 +39,27 @@ def signal_of(options: PreviewOptions) -> Signal:
 
 def check_view(options: PreviewOptions) -> None:
     """Raise UsageError for options that the view has no use for."""
+    is_pq = signal_of(options) == "pq"
+    if options.display_peak is not None and not is_pq:
+        raise UsageError("--display-peak is for PQ", remedy="Take --as hdr10.")
     is_mapped = options.view == "sdr" or (options.view == "compare" and not options.hdr_compare)
     if options.exposure and not is_mapped:
         raise UsageError(
             "--exposure is for views that are tone-mapped", remedy="Take --as sdr or --as compare."
         )
+
+
+def shown_peak(pictures: Pictures, options: PreviewOptions) -> float:
+    """The peak in nits of what is shown; UsageError for a display that is no darker than that."""
+    if options.display_peak is None:
+        return pictures.peak_nits
+    if options.display_peak >= pictures.peak_nits:
+        raise UsageError(
+            f"--display-peak {options.display_peak:g}: nothing is brighter than "
+            f"{pictures.peak_nits:g} nits",
+            remedy="Leave it out, or give a lower one.",
+        )
+    return options.display_peak
 
 
 def light_of(
@@ -81,7 +98,7 @@ def _both(
 ) -> sdr.Picture:
     """Source and result in one picture, each with its name in it."""
     if not options.no_labels:
-        told = f"HDR {pictures.peak_nits:.0f} nits"
+        told = f"HDR {shown_peak(pictures, options):.0f} nits"
         full = told if options.hdr_compare else f"{told}, shown by {options.tone_map}"
         stops = f", {options.exposure:+g} stops" if options.exposure else ""
         is_wipe = options.layout == "wipe"
@@ -104,6 +121,7 @@ def shown_frame(
     rgb, primaries, white = light_of(picture, pictures, options)
     curve: hdr.Curve = "pq" if signal == "pq" else "hlg"
     planes, light = hdr.master_frame(
-        rgb, primaries, white, pictures.peak_nits, curve, chroma, picture.index
-    )
+        rgb, primaries, white, pictures.peak_nits, curve, chroma, picture.index,
+        lambda nits: to_display(nits, pictures.peak_nits, options.display_peak),
+    )  # fmt: skip
     return ShownFrame(picture.number, picture.time_s, planes, light)

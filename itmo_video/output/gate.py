@@ -45,6 +45,9 @@ def _is_still(head: bytes) -> bool:
 FILM = Kind("film", _is_film)
 STILL = Kind("picture", _is_still)
 PAGE = Kind("report", lambda head: PAGE_MARK in head)
+DYNAMIC_METADATA = Kind(
+    "dynamic metadata", lambda head: b'"JSONInfo"' in head or b'"level6"' in head
+)
 ANALYSIS = Kind("analysis", lambda head: b'"itmo_video_analysis"' in head)
 
 
