@@ -399,3 +399,18 @@ def test_pq_stills_are_refused(tmp_path: Path) -> None:
     chunk = struct.pack(">I", 4) + b"cICP" + body + struct.pack(">I", zlib.crc32(b"cICP" + body))
     with pytest.raises(AlreadyHdrError, match="PQ"):
         open_clip(written(tmp_path / "a.png", data[:33] + chunk + data[33:]))
+
+
+@pytest.mark.parametrize("rows", [8, 48])
+def test_a_jpeg_in_a_tiff_that_ends_early_is_damage(tmp_path: Path, rows: int) -> None:
+    """libtiff fills the rest of such a strip with a plain colour and says nothing."""
+    data = io.BytesIO()
+    noisy = Image.fromarray(noise(48, 64))
+    noisy.save(data, "TIFF", compression="jpeg", tiffinfo={278: rows})
+    whole = data.getvalue()
+    assert linear_srgb(written(tmp_path / "a.tif", whole)).shape == (48, 64, 3)
+    end = whole.index(b"\xff\xd9", whole.index(b"\xff\xda"))  # of the first strip's scan
+    cut = whole[: end - 60] + b"\0" * 62 + whole[end + 2 :]
+    assert len(cut) == len(whole)
+    with pytest.raises(InputError, match="strip or tile 1 is damaged"):
+        linear_srgb(written(tmp_path / "cut.tif", cut))

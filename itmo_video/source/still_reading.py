@@ -20,6 +20,7 @@ from itmo_video.source.still_formats import (
     still_format,
 )
 from itmo_video.source.still_picture import StillColour, StillPicture, exif_turn
+from itmo_video.source.tiff_directory import check_jpeg_parts
 
 _BY_PILLOW = ("webp", "gif", "apng", "avif", "heif", "qoi")
 
@@ -86,6 +87,8 @@ def _checked(data: bytes, kind: StillFormat, where: str) -> png_chunks.PngFacts 
     try:
         if kind == "jpeg":
             check_jpeg(data)
+        if kind == "tiff":
+            check_jpeg_parts(data)
         if kind in ("heif", "avif"):
             check_boxes(data)
         return png_chunks.read_facts(data) if kind in ("png", "apng") else None
