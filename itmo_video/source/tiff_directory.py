@@ -17,7 +17,7 @@ class Entry(NamedTuple):
     """One entry: its type, how many values, and where the first of them is."""
 
     kind: int
-    count: int
+    length: int
     at: int
 
 
@@ -47,10 +47,10 @@ def first_directory(data: bytes) -> dict[int, Entry]:
 def numbers(data: bytes, entry: Entry | None) -> tuple[int, ...]:
     """The entry's whole numbers; () where it has none, or they are not in the file."""
     form = None if entry is None else _FORMS.get(entry.kind)
-    if entry is None or form is None or entry.count > _MOST_PARTS:
+    if entry is None or form is None or entry.length > _MOST_PARTS:
         return ()
     try:
-        return struct.unpack_from(f"{_byte_order(data)}{entry.count}{form}", data, entry.at)
+        return struct.unpack_from(f"{_byte_order(data)}{entry.length}{form}", data, entry.at)
     except struct.error:
         return ()
 
