@@ -45,7 +45,7 @@ def add_preview(commands: Any) -> None:
     parser.add_argument(
         "output",
         metavar="OUTPUT",
-        help="a film (.mp4 .mov .mkv .y4m), a still (.avif .png .jpg), or - for y4m to a pipe",
+        help="a film (.mp4 .mov .mkv .y4m), a still (.avif .png .tif .jpg), or - for y4m to a pipe",
     )
     view = parser.add_argument_group("view")
     add_options(view, PreviewOptions, OF_VIEW)

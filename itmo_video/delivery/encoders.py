@@ -23,8 +23,8 @@ _CODE_POINTS: dict[str, tuple[int, int, int]] = {
 }
 
 
-def encode_avif(planes: YCbCr, crf: float) -> bytes:
-    """A 10-bit PQ BT.2020 AVIF still, 4:2:0, of the encoder that films use."""
+def encode_avif(planes: YCbCr, crf: float, signal: Signal = "pq") -> bytes:
+    """A 10-bit BT.2020 AVIF still, PQ or HLG, 4:2:0, of the encoder that films use."""
     target = io.BytesIO()
     height, width = planes[0].shape
     with av.open(target, "w", format="avif") as box:
@@ -34,12 +34,12 @@ def encode_avif(planes: YCbCr, crf: float) -> bytes:
             options={"crf": f"{crf:g}", "preset": DEFAULT_SPEED["av1"]},
         )
         stream.width, stream.height, stream.pix_fmt = width, height, "yuv420p10le"
-        tag_signal(stream.codec_context, "pq")
+        tag_signal(stream.codec_context, signal)
         with svt_as_guest():
             stream.codec_context.open()
         frame = frame_of(planes, "yuv420p10le")
         frame.pts = 0
-        tag_signal(frame, "pq")
+        tag_signal(frame, signal)
         box.mux(stream.encode(frame))
         box.mux(stream.encode(None))
     return target.getvalue()

@@ -1,4 +1,4 @@
-"""A preview's still: PQ in AVIF or PNG, a gain-map JPEG, or an SDR view."""
+"""A preview's still: PQ or HLG in AVIF, PNG or TIFF, a gain-map JPEG, or an SDR view."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import numpy as np
 
 from itmo_video.colour.primaries import CHROMATICITIES
 from itmo_video.delivery import hdr, sdr, stills
+from itmo_video.delivery.avif_properties import with_light
 from itmo_video.delivery.eetf import to_display
 from itmo_video.delivery.encoders import encode_avif
 from itmo_video.delivery.films import crf_of
@@ -18,18 +19,20 @@ from itmo_video.delivery.views import light_of, sdr_view, shown_peak, signal_of
 from itmo_video.errors import DamagedInputError, UsageError
 from itmo_video.output.gate import Gate
 
-STILLS = (".avif", ".png", ".jpg", ".jpeg")
-_JPEG = (".jpg", ".jpeg")
+_JPEG, _TIFF = (".jpg", ".jpeg"), (".tif", ".tiff")
+STILLS = (".avif", ".png", *_JPEG, *_TIFF)
 _AVIF_CRF = 12
 _NO_LIGHT = Light(0.0, 0.0)
 
 
 def check_still_options(suffix: str, options: PreviewOptions) -> None:
     """Raise UsageError for views that the kind of still does not hold."""
-    if suffix == ".avif" and options.view != "hdr10":
-        raise UsageError("AVIF stills are PQ", remedy="Take --as hdr10, or name it .png or .jpg.")
-    if options.view == "hlg":
-        raise UsageError("stills are PQ or SDR, not HLG", remedy="Take --as hdr10 or sdr.")
+    if suffix == ".avif" and signal_of(options) == "sdr":
+        raise UsageError(
+            "AVIF stills are HDR", remedy="Take --as hdr10 or hlg, or name it .png or .jpg."
+        )
+    if options.view == "hlg" and suffix not in (".avif", ".png"):
+        raise UsageError("HLG stills are AVIF or PNG", remedy="Name it .avif or .png.")
     if suffix in _JPEG and options.display_peak is not None:
         raise UsageError("a gain map serves any display", remedy="Leave --display-peak out.")
     if suffix in _JPEG and options.view == "compare" and options.hdr_compare:
@@ -42,31 +45,43 @@ def write_still(pictures: Pictures, gate: Gate, options: PreviewOptions) -> tupl
     Raises DamagedInputError where it does not decode.
     """
     suffix = gate.path.suffix.lower()
-    peak = shown_peak(pictures, options)
+    shown_peak(pictures, options)  # is one that there can be
 
     def make(picture: Picture) -> tuple[bytes, Light]:
         if signal_of(options) == "sdr":
             return stills.sdr_still(sdr_view(picture, pictures, options), suffix), _NO_LIGHT
         if suffix in _JPEG:
             return _gain_map(picture, pictures, options)
-        rgb, primaries, white = light_of(picture, pictures, options)
-        if suffix == ".png":
-            nits = hdr.to_nits_2020(rgb, primaries, white, pictures.peak_nits)
-            nits = to_display(nits, pictures.peak_nits, options.display_peak)
-            code, light = hdr.encode_nits(nits, "pq", peak), hdr.frame_light(nits)
-            mastering = Mastering(CHROMATICITIES["p3d65"], peak)
-            return stills.png_pq(code, mastering, light), light
-        planes, light = hdr.master_frame(
-            rgb, primaries, white, pictures.peak_nits, "pq", "420", picture.index,
-            lambda nits: to_display(nits, pictures.peak_nits, options.display_peak),
-        )  # fmt: skip
-        crf = crf_of(options)
-        return encode_avif(planes, _AVIF_CRF if crf is None else crf), light
+        return _hdr_still(suffix, picture, pictures, options)
 
     made = next(pictures.mapped(make), None)
     if made is None:
         raise DamagedInputError(f"frame {pictures.numbers[0]} does not decode")
     return made[1], gate.write(made[0])
+
+
+def _hdr_still(
+    suffix: str, picture: Picture, pictures: Pictures, options: PreviewOptions
+) -> tuple[bytes, Light]:
+    """A still in PQ or HLG, with its light where the format has a place for it."""
+    rgb, primaries, white = light_of(picture, pictures, options)
+    signal, peak = signal_of(options), shown_peak(pictures, options)
+    curve: hdr.Curve = "hlg" if signal == "hlg" else "pq"
+    stated = Mastering(CHROMATICITIES["p3d65"], peak)
+    if suffix == ".avif":
+        planes, light = hdr.master_frame(
+            rgb, primaries, white, pictures.peak_nits, curve, "420", picture.index,
+            lambda nits: to_display(nits, pictures.peak_nits, options.display_peak),
+        )  # fmt: skip
+        crf = crf_of(options)
+        still = encode_avif(planes, _AVIF_CRF if crf is None else crf, signal)
+        return with_light(still, stated, light) if curve == "pq" else still, light
+    nits = hdr.to_nits_2020(rgb, primaries, white, pictures.peak_nits)
+    nits = to_display(nits, pictures.peak_nits, options.display_peak)
+    code, light = hdr.encode_nits(nits, curve, peak), hdr.frame_light(nits)
+    if suffix in _TIFF:
+        return stills.tiff_pq(code), light
+    return stills.png_hdr(code, curve, stated, light), light
 
 
 def _gain_map(picture: Picture, pictures: Pictures, options: PreviewOptions) -> tuple[bytes, Light]:

@@ -1,4 +1,4 @@
-"""Stills: 16-bit PNG with PQ and cICP written by hand, SDR JPEG and PNG."""
+"""Stills: 16-bit PNG and TIFF with PQ, their tags written by hand; SDR JPEG, PNG and TIFF."""
 
 from __future__ import annotations
 
@@ -8,38 +8,49 @@ from typing import Any
 
 import cv2
 import numpy as np
+import numpy.typing as npt
 
 from itmo_video.delivery import hdr
 from itmo_video.delivery.metadata import Mastering, in_32_bits
 from itmo_video.delivery.sdr import Picture
+from itmo_video.delivery.tiff import tiff_rgb16
+from itmo_video.source.icc import pq_profile
 
+_JPEG = (".jpg", ".jpeg")
 _PNG_HEAD = 8 + 25  # the signature and the IHDR chunk, which always comes first
 
 
-def png_pq(rgb_code: hdr.Planes, mastering: Mastering, light: hdr.Light) -> bytes:
-    """A 16-bit PNG of PQ BT.2020 R'G'B' planes, tagged by cICP, mDCV and cLLI chunks.
+def png_hdr(
+    rgb_code: hdr.Planes, curve: hdr.Curve, mastering: Mastering, light: hdr.Light
+) -> bytes:
+    """A 16-bit PNG of BT.2020 R'G'B' planes in PQ or HLG, tagged by cICP; PQ by mDCV, cLLI, too.
 
-    PNG 3rd edition, 11.3.2.6 to 11.3.2.8: primaries 9, transfer 16, RGB, full range.
+    PNG 3rd edition, 11.3.2.6 to 11.3.2.8: primaries 9, transfer 16 or 18, RGB, full range.
     """
-    bgr = np.dstack(rgb_code[::-1])
-    codes = np.asarray(cv2.multiply(bgr, (65535.0,) * 4, dtype=cv2.CV_16U))
-    data = _encoded(".png", codes)
+    data = _encoded(".png", np.ascontiguousarray(_codes16(rgb_code)[..., ::-1]))
     # Chunks of colour come before the picture's data.
-    chunks = (
-        _chunk(b"cICP", bytes((9, 16, 0, 1)))
-        + _chunk(b"mDCV", mastering.png_chunk())
-        + _chunk(
-            b"cLLI",
-            struct.pack(">2I", *map(in_32_bits, (light.peak, light.average))),
-        )
-    )
+    chunks = _chunk(b"cICP", bytes((9, 16 if curve == "pq" else 18, 0, 1)))
+    if curve == "pq":
+        levels = map(in_32_bits, (light.peak, light.average))
+        chunks += _chunk(b"mDCV", mastering.png_chunk())
+        chunks += _chunk(b"cLLI", struct.pack(">2I", *levels))
     return data[:_PNG_HEAD] + chunks + data[_PNG_HEAD:]
 
 
+def tiff_pq(rgb_code: hdr.Planes) -> bytes:
+    """A 16-bit TIFF of PQ BT.2020 R'G'B' planes; its ICC profile says so."""
+    return tiff_rgb16(_codes16(rgb_code), pq_profile())
+
+
+def _codes16(rgb_code: hdr.Planes) -> npt.NDArray[np.uint16]:
+    codes = cv2.multiply(np.dstack(rgb_code), (65535.0,) * 4, dtype=cv2.CV_16U)
+    return np.asarray(codes, np.uint16)
+
+
 def sdr_still(picture: Picture, suffix: str) -> bytes:
-    """A JPEG or an 8-bit PNG of an R'G'B' picture (H, W, 3) in [0, 1]."""
+    """A JPEG or an 8-bit PNG or TIFF of an R'G'B' picture (H, W, 3) in [0, 1]."""
     codes = np.asarray(np.round(picture[..., ::-1] * 255), np.uint8)
-    return _encoded(suffix, codes, [cv2.IMWRITE_JPEG_QUALITY, 94] if suffix != ".png" else [])
+    return _encoded(suffix, codes, [cv2.IMWRITE_JPEG_QUALITY, 94] if suffix in _JPEG else [])
 
 
 def _encoded(suffix: str, codes: Any, options: list[int] | None = None) -> bytes:

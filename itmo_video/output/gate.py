@@ -39,7 +39,8 @@ def _is_film(head: bytes) -> bool:
 
 
 def _is_still(head: bytes) -> bool:
-    return head.startswith((b"\x89PNG\r\n", b"\xff\xd8\xff")) or head[4:12] == b"ftypavif"
+    begins = (b"\x89PNG\r\n", b"\xff\xd8\xff", b"II*\0", b"MM\0*")
+    return head.startswith(begins) or head[4:12] == b"ftypavif"
 
 
 FILM = Kind("film", _is_film)

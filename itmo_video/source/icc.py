@@ -14,7 +14,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from itmo_video.colour.primaries import rgb_to_xyz_matrix, white_adaptation, white_xyz
-from itmo_video.colour.transfer import SRGB_LIGHT, SRGB_OFFSET, SRGB_POWER, SRGB_SLOPE, eotf
+from itmo_video.colour.transfer import (
+    PQ_PEAK_NITS,
+    SRGB_LIGHT,
+    SRGB_OFFSET,
+    SRGB_POWER,
+    SRGB_SLOPE,
+    eotf,
+    pq_nits,
+)
 from itmo_video.model import Code, Float64, Primaries, Transfer
 
 Curve = Callable[[Float64], Float64]
@@ -25,6 +33,7 @@ _NEAR_LIGHT, _NEAR_XYZ = 1e-3, 2.5e-3  # how far a known curve or primary may be
 _KNOWN_CURVES: tuple[Transfer, ...] = ("srgb", "gamma22", "linear", "bt1886")
 _KNOWN_PRIMARIES: tuple[Primaries, ...] = ("rec709", "p3d65", "adobergb", "rec2020")
 _STRIP_ROWS = 64
+_PQ_POINTS = 4096
 
 
 class ProfileError(ValueError):
@@ -122,13 +131,42 @@ def rec2020_profile() -> bytes:
     return matrix_profile(_d50_matrix("rec2020"))
 
 
-def matrix_profile(to_xyz: Float64, gamma: float | None = None) -> bytes:
-    """An ICC v4 matrix profile of D50 colorants, with the sRGB curve or a power."""
+def pq_profile() -> bytes:
+    """A profile of Rec. 2020's primaries with PQ, as code points (cicp) and as a curve of it all.
+
+    Programs that know no PQ show 10000 nits as white. ICC.1:2022, 9.2.17 and 10.3.
+    """
+    light = pq_nits(np.linspace(0, 1, _PQ_POINTS)) / PQ_PEAK_NITS
+    points = np.rint(light * 65535).astype(">u2")
+    curve = b"curv" + bytes(4) + struct.pack(">I", points.size) + points.tobytes()
+    return matrix_profile(_d50_matrix("rec2020"), curve=curve, code_points=(9, 16, 0, 1))
+
+
+def code_points_of(data: bytes) -> tuple[int, int, int, int] | None:
+    """(primaries, transfer, matrix, full range) by H.273 of a profile that says them (cicp)."""
+    try:
+        tag = _tags(data)[b"cicp"]
+        primaries, transfer, matrix, is_full = struct.unpack_from(">4B", tag, 8)
+    except (KeyError, struct.error, ProfileError):
+        return None
+    return primaries, transfer, matrix, is_full
+
+
+def matrix_profile(
+    to_xyz: Float64,
+    gamma: float | None = None,
+    *,
+    curve: bytes | None = None,
+    code_points: tuple[int, int, int, int] | None = None,
+) -> bytes:
+    """An ICC v4 matrix profile of D50 colorants, with the sRGB curve, a power, or a curve's tag."""
 
     def fixed(*values: float) -> bytes:
         return struct.pack(f">{len(values)}i", *(round(value * 65536) for value in values))
 
-    if gamma is not None:
+    if curve is not None:
+        pass
+    elif gamma is not None:
         curve = b"para" + bytes(4) + struct.pack(">HH", 0, 0) + fixed(gamma)
     else:
         scale = 1 / (1 + SRGB_OFFSET)
@@ -143,6 +181,8 @@ def matrix_profile(to_xyz: Float64, gamma: float | None = None) -> bytes:
         (b"rXYZ", xyz[0]), (b"gXYZ", xyz[1]), (b"bXYZ", xyz[2]),
         (b"rTRC", curve), (b"gTRC", curve), (b"bTRC", curve),
     ]  # fmt: skip
+    if code_points is not None:
+        bodies.append((b"cicp", b"cicp" + bytes(4) + bytes(code_points)))
     at = 128 + 4 + 12 * len(bodies)
     table, content = struct.pack(">I", len(bodies)), b""
     for name, body in bodies:

@@ -17,6 +17,9 @@ from itmo_video.source.tags import InputOptions, Tags
 _PNG_PRIMARIES: tuple[Primaries, ...] = ("rec709", "p3d65", "adobergb", "rec2020")
 
 
+_HDR_TRANSFERS = (16, 18)  # PQ and HLG
+
+
 def resolve(
     picture: StillPicture, options: InputOptions, where: str
 ) -> tuple[StillPicture, Encoding, tuple[str, ...]]:
@@ -27,7 +30,10 @@ def resolve(
     told: list[str] = []
     found = Tags()
     colour = picture.colour
-    if colour.icc is not None:
+    points = None if colour.icc is None else icc.code_points_of(colour.icc)
+    if points is not None and points[1] in _HDR_TRANSFERS and options.transfer == "auto":
+        found = Tags(transfer=points[1], primaries=points[0])  # whatever its curves are
+    elif colour.icc is not None:
         picture, found = _by_profile(picture, colour.icc, options, told)
     elif colour.cicp is not None:
         primaries, transfer, matrix, is_full = colour.cicp
