@@ -18,7 +18,7 @@ from itmo_video.kernels.compiled import drive, pack_literals, ycbcr_rows
 from itmo_video.look import make_look
 from itmo_video.model import Encoding, Frame
 from itmo_video.motion import flow
-from itmo_video.operators.auto import gain_auto
+from itmo_video.operators.auto import expand_auto, gain_auto
 from itmo_video.operators.base import Context
 from itmo_video.operators.photographic import gain_banterle2006
 from itmo_video.output import exr
@@ -255,6 +255,49 @@ def test_gain_auto(by_libraries, is_weighed, l_max):
         for one, other in zip(ours, theirs, strict=True):
             np.testing.assert_allclose(one, other, rtol=2e-5)
             assert (one[30:] == 1).all()
+
+
+@compiled
+@pytest.mark.parametrize("strength", [1.0, 0.6])
+@pytest.mark.parametrize("curve", [0.0, 0.4, 1.0])  # of the greatest weight: none, by day, by night
+def test_expand_auto_is_the_picture_times_its_gains(by_libraries, curve, strength):
+    """In places where nothing, the curve alone, all channels alike or each its own rises."""
+    rng = np.random.default_rng(16)
+    rgb = [rng.uniform(0.2, 1, (12, 150)).astype(np.float32) for _ in range(3)]
+    for top, most in ((0, 0.45), (3, 0.95), (6, 1)):
+        for channel in rgb:
+            channel[top : top + 3] *= np.float32(most)
+    levels = [np.zeros((12, 150), np.float32)] + [rng.random((12, 150), np.float32)] * 2
+    levels[1][9:] = levels[2][9:] = 0
+    levels[0][2:9] = 0.5
+    maps = [*levels, np.full((12, 150), curve, np.float32)]
+    ratio = rng.uniform(0.5, 2, (12, 150)).astype(np.float32)
+    context, found = Context(5, 5), []
+    for call in (lambda f, *a: f(*a), by_libraries):
+        out = np.empty((3, 12, 150), np.float16)
+        call(expand_auto, rgb, ratio, maps, context, strength, out)
+        found.append(out)
+        gains = call(gain_auto, rgb, ratio, maps, context)
+        want = [p * ((g - 1) * np.float32(strength) + 1) for p, g in zip(rgb, gains, strict=True)]
+        np.testing.assert_allclose(out, want, rtol=6e-4)
+    apart = found[0].view(np.int16).astype(int) - found[1].view(np.int16)
+    assert np.abs(apart).max() <= 1
+    assert np.count_nonzero(apart) <= apart.size / 1000
+
+
+@compiled
+def test_a_map_of_zero_may_be_one_number():
+    rng = np.random.default_rng(17)
+    rgb = [rng.random((9, 70), np.float32) for _ in range(3)]
+    whole = [np.zeros((9, 70), np.float32), *rng.random((2, 9, 70), np.float32)]
+    whole.append(np.zeros((9, 70), np.float32))
+    single = [np.broadcast_to(np.float32(0), (9, 70)) if not m.any() else m for m in whole]
+    for one, other in zip(
+        gain_auto(rgb, None, whole, Context(5, 5)),
+        gain_auto(rgb, None, single, Context(5, 5)),
+        strict=True,
+    ):
+        assert np.array_equal(one, other)
 
 
 @compiled

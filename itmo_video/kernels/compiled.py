@@ -25,14 +25,14 @@ _BLOCK_ROOM = 2 * 1024 + 32  # HEADER_ROOM for both blocks, zlib's own bytes and
 _AT_ONCE = 8  # AT_ONCE in guide.c
 
 
-def _alike(*arrays: npt.NDArray[Any] | None) -> None:
+def alike(*arrays: npt.NDArray[Any] | None) -> None:
     """ValueError unless all arrays, None apart, are of one shape: C would read past the least."""
     shapes = {array.shape for array in arrays if array is not None}
     if len(shapes) > 1:
         raise ValueError(f"arrays of different shapes: {', '.join(map(str, sorted(shapes)))}")
 
 
-def _whole(plane: npt.NDArray[Any]) -> Float32:
+def whole(plane: npt.NDArray[Any]) -> Float32:
     """The plane as the loops read it: float32 without gaps."""
     return np.ascontiguousarray(plane, np.float32)
 
@@ -76,9 +76,9 @@ def ycbcr_rows(
     height, width = cb.shape
     if len({plane.dtype for plane in (luma, cb, cr)}) > 1:
         raise TypeError("luma and chroma have codes of different sizes")
-    _alike(cb, cr)
+    alike(cb, cr)
     _check_rows(rows, luma)
-    _alike(luma[rows], *out)
+    alike(luma[rows], *out)
     strides = np.array([cb.strides[0], cr.strides[0]], np.int64)
     across, down = (-1 if site is None else round(2 * site) for site in sites)
     scratch = np.empty(5 * width + 2 + luma.shape[1], np.float32)
@@ -117,7 +117,7 @@ def drive(
     """
     out = np.empty_like(rgb[0]) if out is None else out
     factor = np.array(weights, np.float32)
-    _alike(*rgb, ratio, out)
+    alike(*rgb, ratio, out)
     loaded.itmo_drive(
         *rgb, factor,
         ratio, out.size, out,
@@ -135,7 +135,7 @@ def camera_model(
     ridge: float,
 ) -> Float64:
     """`flow.camera_model` of float64 arrays, in one order of sums on all machines: (3, 2)."""
-    _alike(across, down, texture, *vectors)
+    alike(across, down, texture, *vectors)
     scales, weight, model = np.array(sigmas), np.empty(texture.size), np.empty((2, 3))
     loaded.itmo_camera_model(
         across, down, vectors, texture, texture.size,
@@ -154,9 +154,9 @@ def guided_coefficients(
 ) -> tuple[Float32, Float32]:
     """`edge_aware_coefficients`; `share` is one over the pixels of each window."""
     is_same = map_small is guide_small
-    guide_small = _whole(guide_small)
-    map_small = guide_small if is_same else _whole(map_small)
-    _alike(map_small, guide_small, share)
+    guide_small = whole(guide_small)
+    map_small = guide_small if is_same else whole(map_small)
+    alike(map_small, guide_small, share)
     height, width = guide_small.shape
     scratch = np.empty(4 * (3 * width + 2 * radius_px + 1), np.float64)
     between_a, between_b, a, b = np.empty((4, height, width), np.float32)
@@ -186,8 +186,8 @@ def guide_rows(
     the one below. With `guards` the first two planes are the ratio's. Any strip has the same bytes.
     """
     above, parts = between
-    luma, small = _in_lines(luma), _whole(small)
-    _alike(above, parts)
+    luma, small = _in_lines(luma), whole(small)
+    alike(above, parts)
     _check_rows(slice(rows.start, rows.start + len(above)), luma)
     count, (planes, h, w), (height, width) = len(above), small.shape, luma.shape
     starts, shares = _columns_between(w, width)
@@ -212,39 +212,9 @@ def gain_banterle2006(
     loaded: ctypes.CDLL, luminance: Float32, slope: float, factor: float
 ) -> Float32:
     """A new array, `factor` / (sqrt(rest^2 + slope * luminance) + rest), rest 1 - luminance."""
-    luminance = _whole(luminance)
+    luminance = whole(luminance)
     out = np.empty_like(luminance)
     loaded.itmo_gain_banterle2006(luminance, slope, factor, out.size, out)
-    return out
-
-
-def gain_auto(
-    loaded: ctypes.CDLL,
-    rgb: Sequence[Float32],
-    ratio: Float32 | None,
-    maps: Sequence[Float32],
-    gate: tuple[float, float, float, float, float],
-    steep: tuple[float, float, float],
-    bound: tuple[float, float, float],
-    l_max: float,
-) -> list[Float32]:
-    """The gains of three planes as `operators.auto.gain_auto` has them: new arrays.
-
-    `gate` is (from, centre, slope of a power of two, low, white) of a channel's opening, `steep`
-    where a channel parts from the others, wholly, and whether it may, `bound` how far it may beside
-    an unclipped one, and between which two levels that one counts as clipped; `maps` four or none.
-    """
-    planes = [_whole(plane) for plane in rgb]
-    smoothed = None if ratio is None else _whole(ratio)
-    weights: list[Float32 | None] = [*map(_whole, maps)] or [None] * 4
-    _alike(*planes, smoothed, *weights)
-    out = [np.empty_like(plane) for plane in planes]
-    numbers = np.array([*gate, *steep, l_max, *bound], np.float32)
-    loaded.itmo_gain_auto(
-        *planes, smoothed,
-        *weights, numbers, planes[0].size,
-        *out,
-    )  # fmt: skip
     return out
 
 
@@ -262,8 +232,8 @@ def expand(
     All planes are of one shape; `out` holds three. Rounded to the nearest half; what is too large
     becomes infinite.
     """
-    gain, weight = _whole(gain), _whole(weight)
-    _alike(*rgb, gain, weight, *out)
+    gain, weight = whole(gain), whole(weight)
+    alike(*rgb, gain, weight, *out)
     loaded.itmo_expand(
         *rgb, gain, weight,
         base, strength, 1 + strength * (base - 1), gain.size,

@@ -136,12 +136,14 @@ CLONED void itmo_guide_rows(const uint8_t *luma, int64_t stride, int64_t bytes, 
     int64_t across = width + 2 * AT_ONCE, after = guards ? 2 : 0;
     float *lefts = scratch, *steps = lefts + planes * (w + 1), *soft = steps + planes * (w + 1);
     float *summed = soft + across, *lines = summed + across, *wide = lines + WINDOW * width;
-    for (int64_t y = top - REACH; y < top + REACH; y++)
+    int64_t needs_codes = guards || edge_aware;
+    for (int64_t y = top - REACH; needs_codes && y < top + REACH; y++)
         code_line(luma, stride, bytes, scale, offset, height, y, width, lines);
     for (int64_t row = 0; row < rows; row++) {
         int64_t y = top + row;
         const float *code = slot(lines, y, width);
-        code_line(luma, stride, bytes, scale, offset, height, y + REACH, width, lines);
+        if (needs_codes)
+            code_line(luma, stride, bytes, scale, offset, height, y + REACH, width, lines);
         for (int64_t p = 0; p < planes; p++) {
             const float *upper = small + (p * h + above[row]) * w;
             const float *lower = above[row] + 1 < h ? upper + w : upper;

@@ -2,5 +2,5 @@
 
 int itmo_version(void)
 {
-    return 9;
+    return 10;
 }

@@ -19,9 +19,9 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from itmo_video.colour.luminance import luminance_of
-from itmo_video.kernels import compiled
+from itmo_video.kernels import compiled_auto
 from itmo_video.kernels.dispatch import with_compiled_form
-from itmo_video.model import Float32
+from itmo_video.model import Float32, Half
 from itmo_video.operators.auto_levels import clipped_levels
 from itmo_video.operators.auto_rendering import (
     GREATEST_WEIGHT,
@@ -45,7 +45,7 @@ APART_STOPS = 0.35  # that a channel may part, a stop between the greatest and t
 CLIPS_FROM, CLIPS_WHOLLY = 0.88, 0.96  # light at which the second has clipped, too
 LEAST_LIGHT = 2e-3
 # Texture is not lifted with the light that falls on it: eq. 11's argument is smoothed over it.
-TEXTURE = Guard(radius_px=21, epsilon=0.02)
+TEXTURE = Guard(radius_px=21, epsilon=0.02, curve_map=3)
 
 
 def map_auto(rgb_linear: Float32, context: Context, wrap_x: bool = False) -> Float32:
@@ -68,6 +68,15 @@ def map_auto(rgb_linear: Float32, context: Context, wrap_x: bool = False) -> Flo
     return maps
 
 
+def _numbers(context: Context) -> compiled_auto.GainAuto:
+    return compiled_auto.GainAuto(
+        gate=(OPEN_FROM, OPEN_CENTRE, OPEN_SLOPE / math.log(2), _OPEN_LOW, _OPEN_WHITE),
+        steep=(APART_FROM, APART_WHOLLY, float(context.hue == "restore")),
+        bound=(APART_STOPS, CLIPS_FROM, CLIPS_WHOLLY),
+        l_max=context.l_max,
+    )
+
+
 def _compiled_gain_auto(
     loaded: ctypes.CDLL,
     rgb: Sequence[Float32],
@@ -75,10 +84,7 @@ def _compiled_gain_auto(
     maps: Sequence[Float32],
     context: Context,
 ) -> list[Float32]:
-    gate = OPEN_FROM, OPEN_CENTRE, OPEN_SLOPE / math.log(2), _OPEN_LOW, _OPEN_WHITE
-    steep = (APART_FROM, APART_WHOLLY, float(context.hue == "restore"))
-    bound = (APART_STOPS, CLIPS_FROM, CLIPS_WHOLLY)
-    return compiled.gain_auto(loaded, rgb, ratio, maps, gate, steep, bound, context.l_max)
+    return compiled_auto.gain_auto(loaded, rgb, ratio, maps, _numbers(context))
 
 
 @with_compiled_form(_compiled_gain_auto)
@@ -141,6 +147,35 @@ def _stops_apart(limited: Sequence[Float32], peak_stops: np.float32) -> Float32:
     return np.asarray(free + np.float32(APART_STOPS) * colour_stops, np.float32)
 
 
+def _compiled_expand_auto(
+    loaded: ctypes.CDLL,
+    rgb: Sequence[Float32],
+    ratio: Float32 | None,
+    maps: Sequence[Float32],
+    context: Context,
+    strength: float,
+    out: Half,
+) -> None:
+    compiled_auto.expand_auto(loaded, rgb, ratio, maps, _numbers(context), strength, out)
+
+
+@with_compiled_form(_compiled_expand_auto)
+def expand_auto(
+    rgb: Sequence[Float32],
+    ratio: Float32 | None,
+    maps: Sequence[Float32],
+    context: Context,
+    strength: float,
+    out: Half,
+) -> None:
+    """The picture times 1 + `strength` * (gain_auto - 1) as halves into `out` (3, rows, W)."""
+    gains = gain_auto(rgb, ratio, maps, context)
+    for plane, gain, target in zip(rgb, gains, out, strict=True):
+        (part,) = weighed(gain, [], 1, strength)
+        part *= plane
+        target[...] = part
+
+
 @dataclass(frozen=True)
 class AutoOperator:
     """The operator (protocol.py): three maps of what clipped and one of eq. 11's weight."""
@@ -179,6 +214,18 @@ class AutoOperator:
             for gain in gain_auto(rgb, ratio, maps, context)
             for part in weighed(gain, [], 1, strength)
         ]
+
+    def expand(
+        self,
+        rgb: Sequence[Float32],
+        ratio: Float32 | None,
+        maps: Sequence[Float32],
+        context: Context,
+        strength: float,
+        out: Half,
+    ) -> None:
+        """`expand_auto`."""
+        expand_auto(rgb, ratio, maps, context, strength, out)
 
 
 OPERATORS = (AutoOperator(),)

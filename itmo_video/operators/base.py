@@ -101,10 +101,13 @@ class Guard:
     """What is smoothed out of the curve's argument: a guided filter's radius and epsilon.
 
     The radius in pixels at analysis size; contrasts of codes (0 to 1, squared) below epsilon go.
+    `curve_map` is which of the operator's maps weighs the curve, where it has several: as that one
+    is 0 nothing need be smoothed.
     """
 
     radius_px: int
     epsilon: float
+    curve_map: int | None = None
 
 
 GRAIN = Guard(radius_px=3, epsilon=4e-4)  # 2 % of the code range counts as grain

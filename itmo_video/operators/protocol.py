@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Literal, Protocol, runtime_checkable
 
-from itmo_video.model import Float32
+from itmo_video.model import Float32, Half
 from itmo_video.operators.base import Context, Guard, Parameter
 
 Sees = Literal["luminance", "channels", "rgb"]
@@ -89,4 +89,23 @@ class Operator(Protocol):
         `rgb` are planes of linear light, more than 1 counting as 1; `ratio` is smoothed over given
         luminance, 1 if None; `maps` are the planes of `map` at this size, none for maps of 1.
         `strength` 0 to 1 is how much of the expansion is applied.
+        """
+
+
+@runtime_checkable
+class WritesHalves(Protocol):
+    """An operator that has `gains` times the picture in one pass: what is asked of most frames."""
+
+    def expand(
+        self,
+        rgb: Sequence[Float32],
+        ratio: Float32 | None,
+        maps: Sequence[Float32],
+        context: Context,
+        strength: float,
+        out: Half,
+    ) -> None:
+        """R, G and B times `gains` of the same arguments as halves into `out` (3, rows, W).
+
+        The products are within a half's range.
         """

@@ -18,6 +18,7 @@ from itmo_video.look import Look, context_of
 from itmo_video.model import Float32, Float64, Frame, Half
 from itmo_video.operators import LuminanceOperator
 from itmo_video.operators.luminance_operator import weighed
+from itmo_video.operators.protocol import WritesHalves
 from itmo_video.rendering.guidance import Guidance
 
 HALF_MAX = 65504.0
@@ -79,6 +80,9 @@ def render(
             gain = operator.gain(limited_luminance(rgb, denoise), context)
             base = operator.base_gain(context)
             expand(rgb, gain, maps[0], base, part, out[:, rows])
+            continue
+        if is_plain and isinstance(operator, WritesHalves):
+            operator.expand(rgb, denoise, maps, context, part, out[:, rows])
             continue
         gains = operator.gains(rgb, denoise, maps, context, part)
         if more:

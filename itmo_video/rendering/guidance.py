@@ -67,9 +67,11 @@ class Guidance:
         """`guide` is its `analysis_guide`; `map_small` (H, W), or (H, W, C) for each channel's."""
         self._frame = frame
         self._wraps = settings.projection == "latlong"
-        self._guards = settings.noise_guard
         self._edge_aware = edge_aware and map_small is not None
+        self._plainly = self._wraps or not (settings.noise_guard or self._edge_aware)
+        self._guards = settings.noise_guard and _has_curve(map_small, guard)
         self._codes: Float32 | None = None
+        self._subsets: dict[tuple[int, ...], Float32] = {}  # without the maps that are 0
         small: list[Float32] = []
         if self._guards:
             a, b = guided_upsampling.edge_aware_coefficients(
@@ -98,23 +100,48 @@ class Guidance:
     def rows(self, rows: slice) -> tuple[list[Float32], Float32 | None]:
         """The maps of some rows in [0, 1], and smoothed over given luminance in [0.5, 2].
 
-        Float32 (rows, W) each; no maps and None where none are wanted. The guard works on codes,
-        where noise is even; to first order a change of code by a fraction changes luminance by
-        GAMMA times that fraction.
+        Float32 (rows, W) each; no maps and None where none are wanted. One that is 0 in all of
+        these rows is one 0 for all places, with strides of 0, which costs nothing. The guard works
+        on codes, where noise is even; to first order a change of code by a fraction changes
+        luminance by GAMMA times that fraction.
         """
-        if self._small is None:
+        small = self._small
+        if small is None:
             return [], None
-        if self._wraps or not (self._guards or self._edge_aware):
-            return self.rows_plainly(rows)
-        return _guided_rows(self, rows)
+        zeros: tuple[int, ...] = ()
+        if not self._edge_aware:
+            small, zeros = self._without_zeros(small, rows)
+        maps: list[Float32] = []
+        ratio = None
+        if len(small):
+            maps, ratio = (self.rows_plainly if self._plainly else self._guided)(rows, small)
+        shape = rows.stop - rows.start, self._frame.size[0]
+        for number in zeros:
+            maps.insert(number, np.broadcast_to(np.float32(0), shape))
+        return maps, ratio
 
-    def rows_plainly(self, rows: slice) -> tuple[list[Float32], Float32 | None]:
-        """`rows` by NumPy and OpenCV."""
-        assert self._small is not None
-        width, height = self._frame.size
-        full = list(
-            guided_upsampling.upsample_rows(self._small, rows, (height, width), self._wraps)
+    def _without_zeros(self, small: Float32, rows: slice) -> tuple[Float32, tuple[int, ...]]:
+        """The planes that say something of these rows, and the numbers of the maps that do not."""
+        guards = 2 * self._guards
+        above, below, _, _ = guided_upsampling.rows_between(
+            rows.start, rows.stop, small.shape[1], self._frame.size[1]
         )
+        seen = small[guards:, above[0] : below[-1] + 1]
+        zeros = tuple(plane for plane, part in enumerate(seen) if not part.any())
+        if not zeros:
+            return small, ()
+        if zeros not in self._subsets:
+            left_out = [guards + plane for plane in zeros]
+            self._subsets[zeros] = np.delete(small, left_out, axis=0)
+        return self._subsets[zeros], zeros
+
+    def _guided(self, rows: slice, small: Float32) -> tuple[list[Float32], Float32 | None]:
+        return _guided_rows(self, rows, small)
+
+    def rows_plainly(self, rows: slice, small: Float32) -> tuple[list[Float32], Float32 | None]:
+        """`rows` by NumPy and OpenCV, of all planes of `small`."""
+        width, height = self._frame.size
+        full = list(guided_upsampling.upsample_rows(small, rows, (height, width), self._wraps))
         if not self._guards and not self._edge_aware:
             return full, None
         codes, soft = strip_codes(self._frame, rows, self._wraps)
@@ -135,18 +162,17 @@ class Guidance:
         return full[::2], ratio
 
     def rows_compiled(
-        self, loaded: ctypes.CDLL, rows: slice
+        self, loaded: ctypes.CDLL, rows: slice, small: Float32
     ) -> tuple[list[Float32], Float32 | None]:
-        """`rows` by the compiled library: no panoramas, whose edges meet."""
-        assert self._small is not None
+        """`rows_plainly` by the compiled library; no panoramas, whose edges meet."""
         above, _, part, _ = guided_upsampling.rows_between(
-            rows.start, rows.stop, self._small.shape[1], self._frame.size[1]
+            rows.start, rows.stop, small.shape[1], self._frame.size[1]
         )
         return compiled.guide_rows(
             loaded,
             *self._luma(),
             rows,
-            self._small,
+            small,
             (above, part),
             guards=self._guards,
             edge_aware=self._edge_aware,
@@ -161,12 +187,21 @@ class Guidance:
         return self._codes, (0.0, 1.0)
 
 
+def _has_curve(map_small: Float32 | None, guard: Guard) -> bool:
+    """Whether a curve is there whose argument is smoothed: one that no map puts off."""
+    if map_small is None or map_small.ndim == 2 or guard.curve_map is None:
+        return True
+    return bool(map_small[..., guard.curve_map].any())
+
+
 def _compiled_rows(
-    loaded: ctypes.CDLL, guidance: Guidance, rows: slice
+    loaded: ctypes.CDLL, guidance: Guidance, rows: slice, small: Float32
 ) -> tuple[list[Float32], Float32 | None]:
-    return guidance.rows_compiled(loaded, rows)
+    return guidance.rows_compiled(loaded, rows, small)
 
 
 @with_compiled_form(_compiled_rows)
-def _guided_rows(guidance: Guidance, rows: slice) -> tuple[list[Float32], Float32 | None]:
-    return guidance.rows_plainly(rows)
+def _guided_rows(
+    guidance: Guidance, rows: slice, small: Float32
+) -> tuple[list[Float32], Float32 | None]:
+    return guidance.rows_plainly(rows, small)

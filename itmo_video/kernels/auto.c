@@ -1,0 +1,198 @@
+/* The gains of `auto`, alone or times the picture as half floats: operators/auto.py has them plainly.
+
+   64 places at a time, and no more is done than happens there: where no network's level stands above
+   eq. 11's all channels have its gain, and none parts from the others where none is near white. */
+
+#include "numbers.h"
+
+enum { BLOCK = 64 };
+
+/* What gain_block is given by number: see compiled.gain_auto. */
+enum { OPEN_FROM, CENTRE, STEEP, LOW, WHITE, APART_FROM, APART_WHOLLY, IS_APART, L_MAX, PER_STOP,
+       CLIPS_FROM, CLIPS_WHOLLY, UNKNOWN };
+
+/* The stops of eq. 11, by a weight that is not 0 everywhere. */
+INLINE void curve_block(const float *const *rgb, const float *ratio, const float *weights,
+                        const float *n, int64_t size, float *restrict curve)
+{
+    float greatest[BLOCK], even[BLOCK];
+    float peak = log_two(n[L_MAX]), slope = 4 / (n[L_MAX] * n[L_MAX]);
+    const float *red = rgb[0], *green = rgb[1], *blue = rgb[2];
+    int heavy = 0;
+    for (int64_t x = 0; x < size; x++)
+        even[x] = 1;
+    for (int64_t x = 0; ratio && x < size; x++)
+        even[x] = between(ratio[x], 0.7f, 2);
+    for (int64_t x = 0; x < size; x++) {
+        float r = between(red[x], 0, 1), g = between(green[x], 0, 1), b = between(blue[x], 0, 1);
+        float most = r > g ? r : g;
+        greatest[x] = most = most > b ? most : b;
+        float light = (r * 0.213f + g * 0.715f + b * 0.072f + most) * 0.5f * even[x];
+        light = between(light, 2e-3f, 1);
+        float rest = 1 - light;
+        curve[x] = log_two(2 / (sqrtf(rest * rest + slope * light) + rest));
+        heavy |= weights[x] * 2.5f > 1;
+    }
+    /* A weight of 1 and less leaves eq. 11's gain below the peak, so nothing bends off. */
+    for (int64_t x = 0; !heavy && x < size; x++)
+        curve[x] = between(weights[x] * 2.5f * curve[x], 0, peak);
+    for (int64_t x = 0; heavy && x < size; x++) {
+        float weight = weights[x] * 2.5f, gain = curve[x];
+        float room = peak - log_two(between(greatest[x] * even[x], 2e-3f, 1)) - gain;
+        room = room > 0 ? room : 0;
+        float more = (weight > 1 ? weight - 1 : 0) * gain;
+        float bent = (weight < 1 ? weight : 1) * gain + room * more / (room + more + 1e-6f);
+        float most = peak - log_two(greatest[x] > 2e-3f ? greatest[x] : 2e-3f);
+        curve[x] = between(bent, 0, most);
+    }
+}
+
+/* What the network's levels add to the curve: `common` to all, `own` to each. */
+INLINE void opened_block(const float *const *rgb, const float *const *maps, const float *curve,
+                         const float *n, int64_t size, float own[3][BLOCK], float *restrict common)
+{
+    float peak = log_two(n[L_MAX]), open = 1 / (n[WHITE] - n[LOW]);
+    for (int c = 0; c < 3; c++) {
+        const float *plane = rgb[c], *map = maps[c];
+        for (int64_t x = 0; x < size; x++)
+            own[c][x] = n[UNKNOWN] * peak;
+        for (int64_t x = 0; map && x < size; x++)
+            own[c][x] = peak * map[x];
+        for (int64_t x = 0; x < size; x++) {
+            float light = between(plane[x], 0, 1), closed = (n[CENTRE] - light) * n[STEEP];
+            float gate = 1 / (1 + two_to(closed, nearest(closed))) - n[LOW];
+            float known = own[c][x] - curve[x];
+            own[c][x] = (known > 0 ? known : 0) * ((gate > 0 ? gate : 0) * open);
+        }
+    }
+    for (int64_t x = 0; x < size; x++) {
+        float least = own[0][x] < own[1][x] ? own[0][x] : own[1][x];
+        common[x] = least < own[2][x] ? least : own[2][x];
+    }
+}
+
+/* How far, in stops, a channel may part from the others. */
+INLINE void bound_block(const float *const *rgb, const float *n, int64_t size, float *restrict most)
+{
+    float peak = log_two(n[L_MAX]), per_near = 1 / (n[CLIPS_WHOLLY] - n[CLIPS_FROM]);
+    const float *red = rgb[0], *green = rgb[1], *blue = rgb[2];
+    for (int64_t x = 0; x < size; x++) {
+        float r = between(red[x], 0, 1), g = between(green[x], 0, 1), b = between(blue[x], 0, 1);
+        float less = r < g ? r : g, more = r < g ? g : r, greatest = more > b ? more : b;
+        float middle = more < b ? more : b;
+        middle = less > middle ? less : middle;
+        float least = less < b ? less : b, near = between((middle - n[CLIPS_FROM]) * per_near, 0, 1);
+        float above = (greatest > 1e-3f ? greatest : 1e-3f) / (least > 1e-3f ? least : 1e-3f);
+        most[x] = near * near * (3 - 2 * near) * peak + n[PER_STOP] * log_two(above);
+    }
+}
+
+/* The gains of up to BLOCK places: how many of `gains` are made, 0 for gains of 1, 1 for one of all
+   channels, 3 for each its own. */
+INLINE int gain_block(const float *const *rgb, const float *ratio, const float *const *maps,
+                      const float *n, int64_t size, float gains[3][BLOCK])
+{
+    float curve[BLOCK] = {0}, own[3][BLOCK], common[BLOCK], most[BLOCK];
+    float peak = log_two(n[L_MAX]), per_apart = 1 / (n[APART_WHOLLY] - n[APART_FROM]);
+    int curves = 0, opens = 0, parts = 0;
+    for (int64_t x = 0; maps[3] && x < size; x++)
+        curves |= maps[3][x] > 0;
+    if (curves)
+        curve_block(rgb, ratio, maps[3], n, size, curve);
+    for (int c = 0; c < 3; c++) {
+        const float *plane = rgb[c], *map = maps[c];
+        int bright = 0;
+        for (int64_t x = 0; x < size; x++)
+            bright |= plane[x] > n[OPEN_FROM];
+        for (int64_t x = 0; bright && map && x < size; x++)
+            opens |= (peak * map[x] > curve[x]) & (plane[x] > n[OPEN_FROM]);
+        opens |= bright & !map & (n[UNKNOWN] > 0);
+        for (int64_t x = 0; x < size; x++)
+            parts |= plane[x] > n[APART_FROM];
+    }
+    if (!opens && !curves)
+        return 0;
+    if (opens) {
+        opened_block(rgb, maps, curve, n, size, own, common);
+        for (int64_t x = 0; x < size; x++)
+            curve[x] += common[x];
+    }
+    if (!opens || !parts || !(n[IS_APART] > 0)) {
+        for (int64_t x = 0; x < size; x++)
+            gains[0][x] = two_to(curve[x], nearest(curve[x]));
+        return 1;
+    }
+    bound_block(rgb, n, size, most);
+    for (int c = 0; c < 3; c++) {
+        const float *plane = rgb[c];
+        for (int64_t x = 0; x < size; x++) {
+            float t = between((plane[x] - n[APART_FROM]) * per_apart, 0, 1);
+            float parted = own[c][x] - common[x];
+            float total = curve[x] + (parted < most[x] ? parted : most[x]) * (t * t * (3 - 2 * t));
+            gains[c][x] = two_to(total, nearest(total));
+        }
+    }
+    return 3;
+}
+
+/* A block's part of a strip: where its planes begin. */
+INLINE void begin(const float *const *planes, int count, int64_t at, const float **out)
+{
+    for (int p = 0; p < count; p++)
+        out[p] = planes[p] ? planes[p] + at : 0;
+}
+
+/* See native.gain_auto. */
+CLONED void itmo_gain_auto(const float *red, const float *green, const float *blue, const float *ratio,
+                           const float *map_red, const float *map_green, const float *map_blue,
+                           const float *map_curve, const float *n, int64_t count,
+                           float *restrict out_red, float *restrict out_green,
+                           float *restrict out_blue)
+{
+    const float *rgb[3] = {red, green, blue};
+    const float *maps[4] = {map_red, map_green, map_blue, map_curve};
+    float *out[3] = {out_red, out_green, out_blue}, gains[3][BLOCK];
+    for (int64_t i = 0; i < count; i += BLOCK) {
+        int64_t size = count - i < BLOCK ? count - i : BLOCK;
+        const float *here[3], *known[4];
+        begin(rgb, 3, i, here);
+        begin(maps, 4, i, known);
+        int made = gain_block(here, ratio ? ratio + i : 0, known, n, size, gains);
+        for (int c = 0; c < 3; c++)
+            for (int64_t x = 0; x < size; x++)
+                out[c][i + x] = made ? gains[made > 1 ? c : 0][x] : 1;
+    }
+}
+
+/* See native.expand_auto. */
+CLONED void itmo_expand_auto(const float *red, const float *green, const float *blue,
+                             const float *ratio, const float *map_red, const float *map_green,
+                             const float *map_blue, const float *map_curve, const float *n,
+                             float strength, int64_t count, uint16_t *restrict out_red,
+                             uint16_t *restrict out_green, uint16_t *restrict out_blue)
+{
+    const float *rgb[3] = {red, green, blue};
+    const float *maps[4] = {map_red, map_green, map_blue, map_curve};
+    uint16_t *out[3] = {out_red, out_green, out_blue};
+    float gains[3][BLOCK];
+    for (int64_t i = 0; i < count; i += BLOCK) {
+        int64_t size = count - i < BLOCK ? count - i : BLOCK;
+        const float *here[3], *known[4];
+        begin(rgb, 3, i, here);
+        begin(maps, 4, i, known);
+        int made = gain_block(here, ratio ? ratio + i : 0, known, n, size, gains);
+        for (int c = 0; strength != 1 && c < made; c++)
+            for (int64_t x = 0; x < size; x++)
+                gains[c][x] = (gains[c][x] - 1) * strength + 1;
+        for (int c = 0; c < 3; c++) {
+            const float *plane = here[c], *gain = gains[made > 1 ? c : 0];
+            uint16_t *restrict to = out[c] + i;
+            if (made)
+                for (int64_t x = 0; x < size; x++)
+                    to[x] = half_of(plane[x] * gain[x]);
+            else
+                for (int64_t x = 0; x < size; x++)
+                    to[x] = half_of(plane[x]);
+        }
+    }
+}
