@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from collections.abc import Iterator
 from dataclasses import replace
 from fractions import Fraction
@@ -11,6 +12,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from itmo_video.analysis.edit_lists import read_edit
 from itmo_video.analysis.model import Analysis, Bars, Shot, Statistics
 from itmo_video.analysis.suggestions import suggestions
 from itmo_video.colour import linear_light
@@ -105,12 +107,14 @@ def analyse(
     *,
     start_number: int | None = None,
     max_pixels: int = 2**27,
+    edit: str | Path | None = None,
     on_event: OnEvent = ignore,
 ) -> Analysis:
     """Decode a clip once and say what is in it; raises InputError and AlreadyHdrError as convert.
 
     One that changes meanwhile is a DamagedInputError.
 
+    The shots are those between cuts, or those of an edit list `edit` (.otio, .edl; extra `otio`).
     Cuts and keyframes are those that a conversion with `settings` finds by itself. A source that
     breaks off is analysed until there; `on_event` is told so, and what is assumed (Warned), and of
     each frame that was looked at (FrameDone); what it raises ends the pass.
@@ -129,8 +133,11 @@ def analyse(
         tallies: dict[int, _Tally] = {}
         times: list[Fraction] = []
         edges = _Edges()
+        edited = None if edit is None else read_edit(edit, info)
         whole = _Tally()
         shots: list[tuple[int, int, _Tally]] = []
+        own = [(begin, end, _Tally()) for begin, end in edited or ()]
+        begins = [begin for begin, _, _ in own]
         keys: list[int] = []
         frames = _looked_at(clip, settings, tallies, times, edges, on_event)
         for placed in place(frames, settings.key_reach, 0):
@@ -143,6 +150,9 @@ def analyse(
             shots[-1] = (shots[-1][0], index, shots[-1][2])
             shots[-1][2].add(tally)
             whole.add(tally)
+            at = bisect_right(begins, index) - 1
+            if at >= 0 and index <= own[at][1]:
+                own[at][2].add(tally)
             if placed.is_key:
                 keys.append(first + index)
         if not shots:
@@ -166,7 +176,7 @@ def analyse(
                 statistics=tally.statistics(),
                 rendering=tally.in_words(settings),
             )
-            for begin, end, tally in shots
+            for begin, end, tally in (shots if edited is None else own)
         ),
     )
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import os
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from itmo_video.cli.config_file import options_said, tell_config
@@ -36,8 +37,14 @@ def add_analyse(commands: Any) -> None:
         "input", metavar="INPUT", help="a clip, or for metadata a converted folder"
     )
     analyse.add_argument(
-        "--output", metavar="FILE.json", help="where the JSON goes (default: standard output)"
-    )
+        "--output", metavar="FILE",
+        help="where the JSON goes (default: standard output); .otio and .edl get the shots as an "
+        "edit list (extra `otio`)",
+    )  # fmt: skip
+    analyse.add_argument(
+        "--shots", metavar="FILE",
+        help="take the shots from an edit list of the clip, .otio or .edl (extra `otio`)",
+    )  # fmt: skip
     analyse.add_argument(
         "--hdr10", action="store_true",
         help="render all and print MaxCLL and MaxFALL as encoders' options, instead",
@@ -71,6 +78,8 @@ def _metadata(args: argparse.Namespace, run: RunOptions) -> int:
 
     if args.output is not None:
         raise UsageError("metadata have files of their own", remedy="Leave --output out.")
+    if args.shots is not None and (run.analysis is not None or os.path.isdir(args.input)):
+        raise UsageError("--shots is for clips, without --analysis", remedy="Leave it out.")
     settings = None
     if not os.path.isdir(args.input):
         settings = settings_of(args)
@@ -86,7 +95,7 @@ def _metadata(args: argparse.Namespace, run: RunOptions) -> int:
     if not gates:
         light, peak = film_light_levels(args.input, settings, run, progress.on_event)
     else:
-        film = film_light_by_shots(args.input, settings, run, progress.on_event)
+        film = film_light_by_shots(args.input, settings, run, progress.on_event, args.shots)
         light, peak = film.light, film.peak_nits
         for kind, gate in gates.items():
             gate.write(as_text(kind(film, mastering(peak))).encode())
@@ -112,10 +121,11 @@ def _analyse_to(args: argparse.Namespace, settings: Settings, run: RunOptions) -
     --overwrite is given and it is an analysis.
     """
     from itmo_video.analysis.analyse import analyse
+    from itmo_video.analysis.edit_lists import is_edit_list
     from itmo_video.output.gate import ANALYSIS, Gate
     from itmo_video.source.opening import input_files
 
-    gate = None
+    gate, as_edit = None, args.output is not None and is_edit_list(args.output)
     if args.output is not None:
         gate = Gate(args.output, ANALYSIS, inputs=input_files(args.input), overwrite=run.overwrite)
         gate.check()
@@ -126,14 +136,24 @@ def _analyse_to(args: argparse.Namespace, settings: Settings, run: RunOptions) -
         settings,
         start_number=run.start_number,
         max_pixels=run.max_pixels,
+        edit=args.shots,
         on_event=progress.on_event,
     )
     progress.close()
     if gate is None:
         print(analysis.to_json(), end="")
         return
-    gate.write(analysis.to_json().encode())
+    text = analysis.to_json() if not as_edit else _edit(args, analysis, settings, run)
+    gate.write(text.encode())
     print(in_words(analysis))
+
+
+def _edit(args: argparse.Namespace, analysis: Analysis, settings: Settings, run: RunOptions) -> str:
+    from itmo_video.analysis.edit_lists import edit_of
+    from itmo_video.source.opening import input_options, open_clip
+
+    with open_clip(args.input, input_options(settings, run.max_pixels)) as clip:
+        return edit_of(analysis, clip.info, Path(args.output).suffix.lower())
 
 
 def in_words(analysis: Analysis) -> str:

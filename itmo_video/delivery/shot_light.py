@@ -100,11 +100,13 @@ def film_light_by_shots(
     settings: Settings | None,
     run: RunOptions,
     on_event: OnEvent = ignore,
+    edit: str | Path | None = None,
 ) -> FilmLight:
     """Look at all frames of a clip, as `preview` would make it, or of a converted folder.
 
-    Shots are those of `run.analysis`, or those that `analyse` finds in the clip. Raises UsageError
-    for a folder without an analysis, and DamagedInputError where not all frames were looked at.
+    Shots are those of `run.analysis`, or those that `analyse` finds in the clip or in `edit`.
+    Raises UsageError for a folder without an analysis, and DamagedInputError where not all frames
+    were looked at.
     """
     source = Path(source)
     found = run.analysis
@@ -122,12 +124,14 @@ def film_light_by_shots(
         if found is None:
             found = analyse(
                 source, settings, start_number=run.start_number, max_pixels=run.max_pixels,
+                edit=edit,
                 on_event=lambda event: None if isinstance(event, FrameDone) else on_event(event),
             )  # fmt: skip
         first = found.first_number if run.start_number is None else run.start_number
         offset = first - found.first_number
     pictures = pictures_of(source, settings, run)
-    starts = {shot.first + offset for shot in found.shots}
+    # Frames between two shots are a shot of their own here.
+    starts = {n + offset for shot in found.shots for n in (shot.first, shot.last + 1)}
     return _by_shots(source, pictures, starts, on_event)
 
 

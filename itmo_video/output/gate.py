@@ -49,6 +49,9 @@ PAGE = Kind("report", lambda head: PAGE_MARK in head)
 DYNAMIC_METADATA = Kind(
     "dynamic metadata", lambda head: b'"JSONInfo"' in head or b'"level6"' in head
 )
+EDIT_LIST = Kind(
+    "edit list", lambda head: b'"OTIO_SCHEMA"' in head or head.lstrip().startswith(b"TITLE:")
+)
 ANALYSIS = Kind("analysis", lambda head: b'"itmo_video_analysis"' in head)
 
 

@@ -1,0 +1,158 @@
+"""Edit lists in and out: OpenTimelineIO (.otio) and CMX3600 (.edl), by the extra `otio`.
+
+An edit's timeline is laid on the clip's frames: its beginning is the clip's first frame. Indices
+count the clip's frames from 0, ranges are inclusive.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+from itmo_video.analysis.model import Analysis
+from itmo_video.errors import InputError, UsageError
+from itmo_video.model import ClipInfo
+from itmo_video.untrusted import read_json, read_text
+
+SUFFIXES = (".otio", ".edl")
+_NEAR = Fraction(1, 100)  # of a frame: times of other rates fall between frames
+
+Range = tuple[int, int]
+
+
+def is_edit_list(path: str | Path) -> bool:
+    """Whether a file's name is that of an edit list."""
+    return Path(path).suffix.lower() in SUFFIXES
+
+
+def read_edit(path: str | Path, info: ClipInfo) -> list[Range]:
+    """The shots of an edit list, first and last index of each, in order; gaps are in none.
+
+    Video tracks are seen from above, as an editor shows them. Raises InputError where the file
+    cannot be read, UsageError where its times are no frames of the clip.
+    """
+    if not is_edit_list(path):
+        raise UsageError(f"{path}: edit lists are {', '.join(SUFFIXES)}")
+    otio, text = _otio(), read_text(path)
+    is_edl = Path(path).suffix.lower() == ".edl"
+    if not is_edl:
+        read_json(path)  # whose depth is bounded, which the library's is not
+    options = {"rate": _nominal(info.frame_rate)} if is_edl else {}
+    try:
+        read = otio.adapters.read_from_string(
+            text, adapter_name="cmx_3600" if is_edl else "otio_json", **options
+        )
+        if not isinstance(read, otio.schema.Timeline):
+            raise ValueError("it has no timeline")
+        track = otio.algorithms.flatten_stack(read.video_tracks())
+        ranges = [
+            _frames(track.range_of_child(item), info.frame_rate, path)
+            for item in track
+            if isinstance(item, otio.schema.Clip | otio.schema.Stack)
+        ]
+    except UsageError:
+        raise
+    except Exception as error:  # the adapters raise what they like
+        raise InputError(f"not a valid edit list: {error}", where=str(path)) from error
+    _check(ranges, info, path)
+    return ranges
+
+
+def edit_of(analysis: Analysis, info: ClipInfo, suffix: str) -> str:
+    """An analysis as an edit list: a clip a shot, its keyframes as markers, from 01:00:00:00 on.
+
+    Source times go on from the clip's own timecode, or from 0. Raises UsageError for a timecode
+    that the clip's rate does not have.
+    """
+    otio = _otio()
+    rate = _nominal(info.frame_rate) if suffix == ".edl" else float(info.frame_rate)
+
+    def span(first: int, frames: int) -> Any:
+        time = otio.opentime.RationalTime
+        return otio.opentime.TimeRange(time(first, rate), time(frames, rate))
+
+    begin = _timecode(otio, info.timecode, rate)
+    timeline = otio.schema.Timeline(Path(info.path).stem)
+    timeline.global_start_time = otio.opentime.RationalTime(3600 * round(info.frame_rate), rate)
+    track = otio.schema.Track("shots", kind=otio.schema.TrackKind.Video)
+    timeline.tracks.append(track)
+    at = 0
+    for number, shot in enumerate(analysis.shots, 1):
+        first, last = (n - analysis.first_number for n in (shot.first, shot.last))
+        if first > at:
+            track.append(otio.schema.Gap(source_range=span(0, first - at)))
+        media = otio.schema.ExternalReference(
+            Path(info.path).name, available_range=span(begin, info.frames)
+        )
+        media.name = Path(info.path).stem
+        clip = otio.schema.Clip(
+            f"{Path(info.path).stem} {number:03d}", media, span(begin + first, last - first + 1)
+        )
+        clip.markers.extend(
+            otio.schema.Marker(
+                "keyframe", span(begin + key - analysis.first_number, 0), color="GREEN"
+            )
+            for key in analysis.keyframes
+            if suffix == ".otio" and shot.first <= key <= shot.last
+        )
+        track.append(clip)
+        at = last + 1
+    if suffix == ".edl":
+        return str(otio.adapters.write_to_string(timeline, "cmx_3600", rate=rate))
+    return str(otio.adapters.write_to_string(timeline, "otio_json")) + "\n"
+
+
+def _otio() -> Any:
+    try:
+        import opentimelineio
+    except ImportError as error:
+        raise UsageError(
+            "edit lists need opentimelineio", remedy="pip install 'itmo_video[otio]'"
+        ) from error
+    return opentimelineio
+
+
+def _nominal(rate: Fraction) -> float:
+    """The rate that timecode counts by: 24 for 23.976, unless it is one of those that it knows."""
+    return float(round(rate))
+
+
+def _timecode(otio: Any, code: str | None, rate: float) -> int:
+    if code is None:
+        return 0
+    try:
+        return int(otio.opentime.from_timecode(code.replace(".", ":"), round(rate)).value)
+    except ValueError as error:
+        raise UsageError(f"its timecode {code} cannot stand in an edit list: {error}") from error
+
+
+def _frames(span: Any, rate: Fraction, path: str | Path) -> Range:
+    """First and last index of a range of time on the timeline."""
+    ends = []
+    for time in (span.start_time, span.end_time_exclusive()):
+        own = Fraction(time.rate).limit_denominator(1001)
+        # Timecode of 24 counts the frames of 23.976, too.
+        is_same = abs(own / rate - 1) < Fraction(2, 1000)
+        index = Fraction(time.value) * (1 if is_same else rate / own)
+        if abs(index - round(index)) > _NEAR:
+            raise UsageError(
+                f"a cut at {float(index):.2f} frames falls between frames of the clip",
+                where=str(path), remedy=f"Export the edit at the clip's rate, {float(rate):.3f}.",
+            )  # fmt: skip
+        ends.append(round(index))
+    return ends[0], ends[1] - 1
+
+
+def _check(ranges: Sequence[Range], info: ClipInfo, path: str | Path) -> None:
+    if not ranges:
+        raise UsageError("there is no shot in it", where=str(path))
+    last = max(end for _, end in ranges)
+    if last >= info.frames:
+        raise UsageError(
+            f"the edit has {last + 1} frames, the clip {info.frames}", where=str(path),
+            remedy="Give the clip that was exported from this edit.",
+        )  # fmt: skip
+    if any(end < begin for begin, end in ranges):
+        raise UsageError("a shot in it has no frame", where=str(path))
