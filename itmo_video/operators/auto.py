@@ -22,27 +22,24 @@ from itmo_video.colour.luminance import luminance_of
 from itmo_video.kernels import compiled_auto
 from itmo_video.kernels.dispatch import with_compiled_form
 from itmo_video.model import Float32, Half
+from itmo_video.operators.auto_clipping import decided_together, known_clipped
 from itmo_video.operators.auto_levels import clipped_levels
-from itmo_video.operators.auto_rendering import (
-    GREATEST_WEIGHT,
-    curve_weight,
-    known_clipped,
-    rendering_of,
-)
+from itmo_video.operators.auto_rendering import GREATEST_WEIGHT, curve_weight, rendering_of
 from itmo_video.operators.base import Context, Guard, Parameter
 from itmo_video.operators.luminance_operator import weighed
 from itmo_video.operators.photographic import gain_banterle2006
 from itmo_video.operators.protocol import Sees
+from itmo_video.operators.ramps import ramps
 
 # How far a channel counts as clipped, on linear light: fitted with the network's weights.
 OPEN_CENTRE, OPEN_SLOPE, OPEN_FROM = 0.808, 27.3, 0.5
 _OPEN_LOW, _OPEN_WHITE = (
     1 / (1 + math.exp(-OPEN_SLOPE * (light - OPEN_CENTRE))) for light in (OPEN_FROM, 1.0)
 )
-APART_FROM, APART_WHOLLY = 0.97, 0.983  # light at which a channel may part from the others
+APART_FROM, APART_WHOLLY = 0.9, 1.0  # of the greatest channel: below it none parts from the others
 RATIO_LOW, RATIO_HIGH = 0.7, 2.0  # of smoothed over given light: small lamps stay bright
 APART_STOPS = 0.35  # that a channel may part, a stop between the greatest and the least
-CLIPS_FROM, CLIPS_WHOLLY = 0.88, 0.96  # light at which the second has clipped, too
+WITH_FROM, WITH_WHOLLY = 0.88, 0.96  # light at which a channel counts as clipped with the greatest
 LEAST_LIGHT = 2e-3
 # Texture is not lifted with the light that falls on it: eq. 11's argument is smoothed over it.
 TEXTURE = Guard(radius_px=21, epsilon=0.02, curve_map=3)
@@ -59,8 +56,10 @@ def map_auto(rgb_linear: Float32, context: Context, wrap_x: bool = False) -> Flo
     pad = min(width, max(1, width // 8)) if wrap_x else 0
     wide = np.pad(rgb_linear, ((0, 0), (pad, pad), (0, 0)), "wrap")
     maps = np.empty((height, width, 4), np.float32)
-    maps[..., :3] = clipped_levels(rgb_linear, context.l_max, wrap_x)
-    maps[..., :3] *= known_clipped(wide)[:, pad : pad + width]
+    levels = np.pad(
+        clipped_levels(rgb_linear, context.l_max, wrap_x), ((0, 0), (pad, pad), (0, 0)), "wrap"
+    )
+    maps[..., :3] = decided_together(levels * known_clipped(wide), wide)[:, pad : pad + width]
     rendering = rendering_of(rgb_linear, context.footage)
     maps[..., :3] *= np.float32(rendering.caution)
     weight = curve_weight(wide, rendering, context.lamps)
@@ -72,7 +71,7 @@ def _numbers(context: Context) -> compiled_auto.GainAuto:
     return compiled_auto.GainAuto(
         gate=(OPEN_FROM, OPEN_CENTRE, OPEN_SLOPE / math.log(2), _OPEN_LOW, _OPEN_WHITE),
         steep=(APART_FROM, APART_WHOLLY, float(context.hue == "restore")),
-        bound=(APART_STOPS, CLIPS_FROM, CLIPS_WHOLLY),
+        bound=(APART_STOPS, WITH_FROM, WITH_WHOLLY),
         l_max=context.l_max,
     )
 
@@ -119,15 +118,15 @@ def gain_auto(
         gate = np.maximum(gate - np.float32(_OPEN_LOW), 0)
         stops.append(np.maximum(known - curve, 0) * gate / np.float32(_OPEN_WHITE - _OPEN_LOW))
     common = np.minimum(np.minimum(stops[0], stops[1]), stops[2])
+    highest = np.maximum(np.maximum(limited[0], limited[1]), limited[2])
+    open_ = ramps(highest, APART_FROM, APART_WHOLLY)
     most = _stops_apart(limited, peak_stops)
     gains = []
     for plane, own in zip(limited, stops, strict=True):
         total = curve + common
         if apart:
-            t = (plane - np.float32(APART_FROM)) * np.float32(1 / (APART_WHOLLY - APART_FROM))
-            t = np.clip(t, 0, 1)
             parted = np.minimum(own - common, most)
-            total = total + parted * (t * t * (np.float32(3) - np.float32(2) * t))
+            total = total + parted * (open_ * ramps(plane, WITH_FROM, WITH_WHOLLY))
         gains.append(np.asarray(np.exp2(total), np.float32))
     return gains
 
@@ -140,8 +139,7 @@ def _stops_apart(limited: Sequence[Float32], peak_stops: np.float32) -> Float32:
     tells nothing of the colour, and there is no bound.
     """
     least, second, greatest = np.sort(np.stack(list(limited)), axis=0)
-    near = np.clip((second - np.float32(CLIPS_FROM)) / np.float32(CLIPS_WHOLLY - CLIPS_FROM), 0, 1)
-    free = near * near * (np.float32(3) - np.float32(2) * near) * peak_stops
+    free = ramps(second, WITH_FROM, WITH_WHOLLY) * peak_stops
     dark = np.float32(1e-3)
     colour_stops = np.log2(np.maximum(greatest, dark) / np.maximum(least, dark))
     return np.asarray(free + np.float32(APART_STOPS) * colour_stops, np.float32)

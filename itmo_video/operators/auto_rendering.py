@@ -17,10 +17,10 @@ import numpy as np
 
 from itmo_video.colour.luminance import luminance_of
 from itmo_video.model import Float32
+from itmo_video.operators.ramps import ramp, ramps
 
 CLIPPED_FROM = 0.975  # of white, linear: compression lets clipped areas waver
 BRIGHT_FROM = 0.3
-NEAR_FROM, NEAR_WHOLLY = 0.8, 0.93  # of white, linear: a channel that clips with the others
 # Clipped over bright pixels: below the first a picture was tone-mapped, above the second clipped.
 TONE_MAPPED_RATIO, CLIPPED_RATIO = 0.03, 0.065
 WHITE_SHARE = 0.999  # of the pixels lie below where white stands
@@ -52,8 +52,8 @@ class Rendering:
         if self.footage != "auto":
             return float(self.footage == "tone-mapped")
         ratio = math.log((self.clipped + 1e-6) / (self.bright + 1e-4))
-        folded = 1 - _ramp(ratio, math.log(TONE_MAPPED_RATIO), math.log(CLIPPED_RATIO))
-        return folded * _ramp(self.white, WHITE_LOW, WHITE_FULL)
+        folded = 1 - ramp(ratio, math.log(TONE_MAPPED_RATIO), math.log(CLIPPED_RATIO))
+        return folded * ramp(self.white, WHITE_LOW, WHITE_FULL)
 
     @property
     def caution(self) -> float:
@@ -62,12 +62,12 @@ class Rendering:
         Where little clips SDR is near the truth, and what is taken for more does the most harm: on
         23 scenes that nothing was fitted to, the worst loss then halves for 0.1 dB of the mean.
         """
-        return 0.8 + 0.2 * _ramp(self.clipped, 0.02, 0.08)
+        return 0.8 + 0.2 * ramp(self.clipped, 0.02, 0.08)
 
     @property
     def night(self) -> float:
         """1 in the dark, 0 from ordinary middle tones on."""
-        return 1 - _ramp(self.middle_code, DARK_CODE, ORDINARY_CODE)
+        return 1 - ramp(self.middle_code, DARK_CODE, ORDINARY_CODE)
 
     def in_words(self, l_max: float) -> str:
         """What was found and what is done, in a line."""
@@ -130,7 +130,7 @@ def light_density(luminance: Float32) -> Float32:
     size = (max(1, width // 4), max(1, height // 4))
     small = cv2.resize(luminance, size, interpolation=cv2.INTER_AREA).reshape(size[::-1])
     mean = _blurred(small, 0.0128 * side / 4) / max(float(small.mean()), 1e-4)
-    dense = _blurred(_ramps(mean, 0.75, 2.75), 0.024 * side / 4)
+    dense = _blurred(ramps(mean, 0.75, 2.75), 0.024 * side / 4)
     full = cv2.resize(dense, (width, height), interpolation=cv2.INTER_LINEAR)
     return np.asarray(full, np.float32).reshape(height, width)
 
@@ -144,35 +144,11 @@ def small_lights(greatest: Float32) -> Float32:
     around = cv2.morphologyEx(greatest, cv2.MORPH_OPEN, np.ones((side, side), np.uint8))
     around = cv2.blur(around, (side, side)).reshape(greatest.shape)
     ratio = np.log2((greatest + np.float32(0.01)) / (around + np.float32(0.01)))
-    alone = _ramps(ratio, 2, 3.5) * _ramps(greatest, 0.15, 0.4)
+    alone = ramps(ratio, 2, 3.5) * ramps(greatest, 0.15, 0.4)
     wide = cv2.dilate(alone, np.ones((3, 3), np.uint8))
     return np.asarray(cv2.blur(wide, (3, 3)), np.float32).reshape(greatest.shape)
-
-
-def known_clipped(rgb_linear: Float32) -> Float32:
-    """Where each channel is known to have clipped: float32 (H, W, 3) in [0, 1].
-
-    It must stand at white in more than a pixel or two of nine, so that a lone bright pixel of a
-    wall is no lamp; the places beside count, too. Where one channel clips, those near white count
-    with it: a sky recorded as (0.96, 0.99, 0.96) is white, and green if green alone were restored.
-    """
-    shape = rgb_linear.shape
-    share = cv2.blur((rgb_linear >= np.float32(CLIPPED_FROM)).astype(np.float32), (3, 3))
-    known = cv2.dilate(_ramps(share, 0.12, 0.45), np.ones((3, 3), np.uint8)).reshape(shape)
-    near = _ramps(cv2.blur(rgb_linear, (3, 3)).reshape(shape), NEAR_FROM, NEAR_WHOLLY)
-    return np.asarray(np.maximum(known, near * known.max(axis=-1, keepdims=True)), np.float32)
 
 
 def _blurred(plane: Float32, sigma: float) -> Float32:
     blurred = cv2.GaussianBlur(plane, (0, 0), max(sigma, 0.3), borderType=cv2.BORDER_REFLECT)
     return np.asarray(blurred, np.float32).reshape(plane.shape)
-
-
-def _ramp(value: float, low: float, high: float) -> float:
-    t = min(max((value - low) / (high - low), 0.0), 1.0)
-    return t * t * (3 - 2 * t)
-
-
-def _ramps(values: Float32, low: float, high: float) -> Float32:
-    t = np.clip((values - np.float32(low)) * np.float32(1 / (high - low)), 0, 1)
-    return np.asarray(t * t * (np.float32(3) - np.float32(2) * t), np.float32)

@@ -1,0 +1,74 @@
+"""What of a picture is known to have clipped, and where its channels may part from one another.
+
+A channel that stands at white by a code or two here and below it there has told that the light is
+about white, not how far above; noise and compression decide which pixel clips. So both are told by
+the share of what clips among what is bright around: an edge against the dark counts for nothing,
+and no pixel is decided by itself.
+"""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+from itmo_video.model import Float32
+from itmo_video.operators.ramps import ramps
+
+CLIPS_FROM, CLIPS_WHOLLY = 0.95, 0.985  # of white, linear: compression lets clipped areas waver
+NEAR_FROM, NEAR_WHOLLY = 0.8, 0.93  # of white, linear: bright; a channel that clips with the others
+AROUND_PX, FAR_AROUND_PX = 2.5, 7.0  # standard deviations, of the analysis picture
+KNOWN_FROM, KNOWN_WHOLLY = 0.1, 0.7  # shares of what is bright around
+DECIDED_FROM, DECIDED_WHOLLY = 0.7, 1.0
+LUMINANCE = (0.213, 0.715, 0.072)
+
+
+def known_clipped(rgb_linear: Float32) -> Float32:
+    """Where each channel is known to have clipped: float32 (H, W, 3) in [0, 1].
+
+    By the share of what clips among what is bright in the channel, so that a lone bright pixel of a
+    wall is no lamp, and a white sky has no holes where compression let it waver; the places beside
+    count, too. Where one channel clips, those near white count with it: a sky recorded as (0.96,
+    0.99, 0.96) is white, and green if green alone were restored.
+    """
+    shape = rgb_linear.shape
+    clips = ramps(rgb_linear, CLIPS_FROM, CLIPS_WHOLLY)
+    share = _share(clips, ramps(rgb_linear, NEAR_FROM, NEAR_WHOLLY), AROUND_PX)
+    known = cv2.dilate(ramps(share, KNOWN_FROM, KNOWN_WHOLLY), np.ones((3, 3), np.uint8))
+    known = _blurred(known, 1).reshape(shape)
+    near = ramps(cv2.blur(rgb_linear, (3, 3)).reshape(shape), NEAR_FROM, NEAR_WHOLLY)
+    return np.asarray(np.maximum(known, near * known.max(axis=-1, keepdims=True)), np.float32)
+
+
+def decided_together(stops: Float32, rgb_linear: Float32) -> Float32:
+    """Stops of R, G and B that part only where it is decided what clips: float32 (H, W, 3).
+
+    Where no channel has clipped throughout, its mean by luminance counts for all three: as bright
+    as was told, and without a colour of its own. Both are (H, W, 3).
+    """
+    height, width = rgb_linear.shape[:2]
+    size = (max(1, width // 4), max(1, height // 4))
+    bright = _small(ramps(rgb_linear.max(axis=-1), NEAR_FROM, NEAR_WHOLLY), size)
+    clips = _small(ramps(rgb_linear, CLIPS_FROM, CLIPS_WHOLLY), size)
+    share = _share(clips, bright[..., None], FAR_AROUND_PX / 4).max(axis=-1)
+    share = cv2.resize(share, (width, height), interpolation=cv2.INTER_LINEAR)
+    share = np.asarray(share, np.float32).reshape(height, width, 1)
+    decided = ramps(share, DECIDED_FROM, DECIDED_WHOLLY)
+    mean = (stops @ np.array(LUMINANCE, np.float32))[..., None]
+    return np.asarray(mean + decided * (stops - mean), np.float32)
+
+
+def _share(clips: Float32, bright: Float32, sigma: float) -> Float32:
+    """Share of what clips, each channel by itself, among what is bright around."""
+    around = _blurred(bright, sigma) + np.float32(0.02)
+    return np.asarray(_blurred(clips, sigma) / around, np.float32)
+
+
+def _small(planes: Float32, size: tuple[int, int]) -> Float32:
+    small = cv2.resize(planes, size, interpolation=cv2.INTER_AREA)
+    return np.asarray(small, np.float32).reshape(*size[::-1], *planes.shape[2:])
+
+
+def _blurred(planes: Float32, sigma: float) -> Float32:
+    taps = 2 * round(3 * sigma) + 1
+    blurred = cv2.GaussianBlur(planes, (taps, taps), sigma, borderType=cv2.BORDER_REFLECT)
+    return np.asarray(blurred, np.float32).reshape(planes.shape)

@@ -1,0 +1,19 @@
+"""The smooth ramp from 0 to 1 that `auto` decides everything by: of a number, and of arrays."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from itmo_video.model import Float32
+
+
+def ramp(value: float, low: float, high: float) -> float:
+    """0 up to `low`, 1 from `high` on, 3t² - 2t³ between."""
+    t = min(max((value - low) / (high - low), 0.0), 1.0)
+    return t * t * (3 - 2 * t)
+
+
+def ramps(values: Float32, low: float, high: float) -> Float32:
+    """`ramp` of each value: float32 of their shape."""
+    t = np.clip((values - np.float32(low)) * np.float32(1 / (high - low)), 0, 1)
+    return np.asarray(t * t * (np.float32(3) - np.float32(2) * t), np.float32)

@@ -1,0 +1,116 @@
+"""The operator `auto` does not paint: no specks, and no edge of colour that is not in the source.
+
+Made pictures as cameras record them, with noise that decides which pixel stands at white. Distances
+are in u'v' of CIE 1976.
+"""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+import pytest
+
+from itmo_video.operators import auto, auto_clipping
+from itmo_video.operators.base import Context
+
+PEAK = 1000 / 203
+XYZ = np.array([[0.4124, 0.3576, 0.1805], [0.2126, 0.7152, 0.0722], [0.0193, 0.1192, 0.9505]])
+
+
+def uv(rgb: np.ndarray) -> np.ndarray:
+    """CIE 1976 u'v' of linear BT.709: (H, W, 2)."""
+    x, y, z = np.moveaxis(rgb @ XYZ.T, -1, 0)
+    return np.stack([4 * x, 9 * y], -1) / (x + 15 * y + 3 * z + 1e-6)[..., None]
+
+
+def coded(light: np.ndarray, seed: int, noise: float) -> np.ndarray:
+    """Light as 8 bits hold it, with each channel's own noise, halved in chroma as video's is."""
+    rng = np.random.default_rng(seed)
+    height, width = light.shape[:2]
+    luma = rng.normal(0, noise, (height, width, 1))
+    small = rng.normal(0, noise, (height // 2, width // 2, 3)).astype(np.float32)
+    chroma = cv2.resize(small, (width, height), interpolation=cv2.INTER_NEAREST)
+    code = np.clip(light, 0, 1) ** (1 / 2.4) + luma + chroma
+    return ((np.rint(255 * np.clip(code, 0, 1)) / 255) ** 2.4).astype(np.float32)
+
+
+def expanded(picture: np.ndarray, hue: str = "restore") -> np.ndarray:
+    """The picture by its own maps: (H, W, 3)."""
+    context = Context(PEAK, PEAK, hue=hue)
+    maps = [
+        np.ascontiguousarray(part) for part in np.moveaxis(auto.map_auto(picture, context), -1, 0)
+    ]
+    planes = [np.ascontiguousarray(plane) for plane in np.moveaxis(picture, -1, 0)]
+    return picture * np.dstack(auto.gain_auto(planes, None, maps, context))
+
+
+def specks(picture: np.ndarray, result: np.ndarray) -> np.ndarray:
+    """How far each pixel's hue moved apart from how those around it did."""
+    move = (uv(result) - uv(picture)).astype(np.float32)
+    around = np.dstack([cv2.medianBlur(np.ascontiguousarray(move[..., i]), 5) for i in (0, 1)])
+    return np.hypot(*np.moveaxis(move - around, -1, 0))
+
+
+def new_edges(picture: np.ndarray, result: np.ndarray) -> np.ndarray:
+    """Steps of hue from pixel to pixel beyond the picture's own, along rows."""
+    before, after = (
+        np.hypot(*np.moveaxis(np.diff(uv(p), axis=1), -1, 0)) for p in (picture, result)
+    )
+    return np.maximum(after - 1.5 * before, 0)
+
+
+def lamp() -> np.ndarray:
+    """A warm street lamp on a bright wall: its core clips, green and blue here and there."""
+    y, x = np.mgrid[0:96, 0:160]
+    away = np.hypot(y - 48, x - 80)
+    light = 0.05 + 1.05 / (1 + np.exp((away - 12) / 1.5)) + 0.25 * np.exp(-away / 25)
+    return light[..., None] * np.array([1.1, 0.85, 0.68])
+
+
+def sky() -> np.ndarray:
+    """A plain blue sky that brightens to the right until its blue clips."""
+    bright = np.linspace(0.8, 1.25, 160)[None, :, None] * np.ones((96, 1, 1))
+    return bright * np.array([0.72, 0.8, 1.0])
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_no_specks_beside_a_lamp(seed: int) -> None:
+    picture = coded(lamp(), seed, 0.008)
+    result = expanded(picture)
+    assert result.max() > 1.2, "the lamp is restored"
+    assert specks(picture, result).max() < 0.012
+    assert new_edges(picture, result).max() < 0.012
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_no_edge_in_a_sky_whose_blue_clips(seed: int) -> None:
+    picture = coded(sky(), seed, 0.004)
+    result = expanded(picture)
+    assert new_edges(picture, result).max() < 0.01
+    assert specks(picture, result).max() < 0.01
+
+
+def test_no_holes_in_a_white_sky_that_compression_let_waver() -> None:
+    """Some blocks of it stand at white and some a little below: they are lifted alike."""
+    rng = np.random.default_rng(3)
+    blocks = np.repeat(np.repeat(rng.choice([0.955, 0.99, 1.0], (24, 40)), 4, 0), 4, 1)
+    picture = coded(blocks[..., None] * np.ones(3), 0, 0.002)
+    stops = np.log2(expanded(picture)[..., 1] / picture[..., 1])
+    assert np.abs(np.diff(stops, axis=1)).max() < 0.35
+
+
+def test_channels_part_where_one_has_clipped_throughout() -> None:
+    stops = np.full((64, 96, 3), (0.5, 0.2, 0.0), np.float32)
+    picture = np.full((64, 96, 3), (1.0, 0.7, 0.3), np.float32)
+    assert np.allclose(auto_clipping.decided_together(stops, picture), stops, atol=0.02)
+    picture[::2, ::3, 0] = 0.94  # as often below white as at it
+    picture[1::2, 1::3, 0] = 0.94
+    together = auto_clipping.decided_together(stops, picture)[8:-8, 8:-8]
+    assert np.ptp(together, axis=-1).max() < 0.1
+    assert np.allclose(together.mean(), 0.213 * 0.5 + 0.715 * 0.2, atol=0.03)
+
+
+def test_hue_keep_moves_none() -> None:
+    picture = coded(lamp(), 0, 0.008)
+    moved = np.abs(uv(expanded(picture, "keep")) - uv(picture))
+    assert moved[picture.max(-1) > 0.02].max() < 1e-4
