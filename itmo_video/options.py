@@ -68,8 +68,8 @@ class Spec:
         if self.lower is None:
             return ""
         if self.upper is None:
-            return f"{self.lower:g} or more"
-        return f"from {self.lower:g} to {self.upper:g}"
+            return f"{self.lower:.10g} or more"
+        return f"from {self.lower:.10g} to {self.upper:.10g}"
 
     @property
     def _kind_in_words(self) -> str:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from itmo_video.cli.parser_facts import Command, Flag
 
-_EXITS = (
+EXIT_CODES = (
     ("0", "done"),
     ("1", "a fault of itmo-video's own"),
     ("2", "wrong usage or settings"),
@@ -67,7 +67,7 @@ def manual_page(commands: Sequence[Command]) -> str:
         for flag in command.flags:
             lines += [".TP", _names(flag), _roff(flag.help)]
     lines.append(".SH EXIT STATUS")
-    for code, text in _EXITS:
+    for code, text in EXIT_CODES:
         lines += [".TP", f".B {code}", _roff(text)]
     return "\n".join(lines) + "\n"
 

@@ -1,0 +1,180 @@
+"""The site of docs/: built strictly, whole in itself, and what people search for is found."""
+
+from __future__ import annotations
+
+import json
+import re
+import subprocess
+import sys
+from html.parser import HTMLParser
+from pathlib import Path
+from urllib.parse import unquote, urlsplit
+
+import cv2
+import pytest
+from browser import chromium
+from clips import moving_scene, write_ffv1
+from command import REPOSITORY
+
+from itmo_video.cli.main import _parser, main
+from itmo_video.cli.parser_facts import commands_of
+from itmo_video.output.exr import read_exr
+from itmo_video.output.exr_attributes import ATTRIBUTES, LAYER_CHANNELS
+from itmo_video.settings import LAYERS
+
+MOST_PICTURE_BYTES = 400_000
+SEARCHED = {  # what people type, and a page that must be among those found
+    "resume": "guide/convert.html",
+    "batch": "guide/farm.html",
+    "HDR10": "guide/hdr_masters.html",
+    "Nuke": "guide/nuke_resolve_blender.html",
+    "ProRes": "guide/hdr_masters.html",
+    "flicker": "flicker.html",
+    "Resolve": "guide/nuke_resolve_blender.html",
+    "Ultra HDR": "guide/gain_map_stills.html",
+    "ffmpeg": "guide/pipes.html",
+    "NumPy": "guide/python.html",
+    "interlaced": "guide/troubleshooting.html",
+    "--peak-nits": "reference/command_line.html",
+    "whiteLuminance": "reference/exr_attributes.html",
+}
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    target = tmp_path_factory.mktemp("site")
+    script = REPOSITORY / "docs/site/build.py"
+    done = subprocess.run(
+        [sys.executable, script, target], capture_output=True, text=True, timeout=120, check=False
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    return target / "site"
+
+
+class _Page(HTMLParser):
+    """Names of a page's anchors, what it links to and what it loads."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.anchors: set[str] = set()
+        self.links: list[str] = []
+        self.loaded: list[str] = []
+        self.without_alt: list[str] = []
+        self.feed(text)
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        given = {name: value or "" for name, value in attrs}
+        self.anchors |= {given[name] for name in ("id", "name") if name in given}
+        if tag == "a" and "href" in given:
+            self.links.append(given["href"])
+        elif tag == "link" and "href" in given:
+            self.loaded.append(given["href"])
+        elif tag in ("img", "script", "iframe", "source", "video") and "src" in given:
+            self.loaded.append(given["src"])
+        if tag == "img" and not given.get("alt"):
+            self.without_alt.append(given.get("src", ""))
+
+
+def test_every_link_and_picture_is_there_and_nothing_comes_from_a_network(site: Path) -> None:
+    pages = {path: _Page(path.read_text("utf-8")) for path in site.rglob("*.html")}
+    assert len(pages) > 25
+    wrong = []
+    for path, page in pages.items():
+        if path.name == "404.html":  # its links are absolute
+            continue
+        wrong += [f"{path.name}: {src} has no alt text" for src in page.without_alt]
+        for link in page.links + page.loaded:
+            url = urlsplit(link)
+            if url.scheme or url.netloc:
+                if link in page.loaded:
+                    wrong.append(f"{path.name} loads {link}")
+                continue
+            target = (path.parent / unquote(url.path)).resolve() if url.path else path
+            if not target.exists():
+                wrong.append(f"{path.name}: {link}")
+            elif url.fragment and target in pages and url.fragment not in pages[target].anchors:
+                wrong.append(f"{path.name}: no anchor {link}")
+    assert not wrong
+
+
+def test_what_people_search_for_is_found(site: Path) -> None:
+    entries = json.loads((site / "search.json").read_text("utf-8"))["items"]
+    for term, page in SEARCHED.items():
+        found = {
+            entry["location"].split("#")[0]
+            for entry in entries
+            if term.lower() in f"{entry['title']} {entry['text']}".lower()
+        }
+        assert page in found, (term, sorted(found))
+
+
+def test_search_works_from_the_disk_and_no_page_is_wider_than_a_phone(site: Path) -> None:
+    with chromium() as browser:
+        context = browser.new_context(viewport={"width": 1600, "height": 1000}, offline=True)
+        tab = context.new_page()
+        asked: list[str] = []
+        tab.on("request", lambda request: asked.append(request.url))
+        tab.goto((site / "index.html").as_uri())
+        for _ in range(60):  # the index loads in a worker; results come when it is there
+            tab.keyboard.press("/")
+            tab.keyboard.type("resume", delay=20)
+            tab.wait_for_timeout(500)
+            tab.keyboard.press("Enter")
+            tab.wait_for_timeout(200)
+            if "convert.html" in tab.url:
+                break
+            tab.keyboard.press("Escape")
+        assert "convert.html" in tab.url
+        tab.set_viewport_size({"width": 420, "height": 900})
+        for name in ("index", "guide/convert", "reference/settings", "quality"):
+            tab.goto((site / f"{name}.html").as_uri())
+            width = tab.evaluate("document.documentElement.scrollWidth")
+            assert width <= 420, (name, width)
+        assert not [url for url in asked if not url.startswith(("file:", "data:", "blob:"))]
+
+
+def test_links_in_the_repository_lead_somewhere() -> None:
+    for name in ("README.md", "CONTRIBUTING.md", "CHANGELOG.md", "sample_clips/README.md"):
+        path = REPOSITORY / name
+        for link in re.findall(r"\]\(([^)\s]+)\)", path.read_text("utf-8")):
+            if not urlsplit(link).scheme:
+                assert (path.parent / urlsplit(link).path).exists(), f"{name}: {link}"
+
+
+def test_pictures_are_small_enough_to_load() -> None:
+    pictures = [
+        path
+        for kind in ("png", "jpg", "webp", "svg")
+        for path in (REPOSITORY / "docs").rglob(f"*.{kind}")
+    ]
+    assert len(pictures) > 10
+    for path in pictures:
+        assert path.stat().st_size <= MOST_PICTURE_BYTES, path
+        picture = cv2.imread(str(path))
+        assert picture is not None, path
+        assert picture.shape[1] <= 2560, path
+
+
+def test_the_reference_has_all_commands_flags_and_no_empty_row(site: Path) -> None:
+    page = (site.parent / "docs/reference/command_line.md").read_text("utf-8")
+    for command in commands_of(_parser()):
+        assert f"\n## {command.name}\n" in page
+        for flag in command.flags:
+            assert f"`{flag.names[0]}`" in page
+            assert flag.help, (command.name, flag.names)
+    for path in (site.parent / "docs/reference").glob("*.md"):
+        assert path.read_text("utf-8").count("\n") > 10, path
+
+
+def test_every_attribute_and_layer_is_explained(tmp_path: Path) -> None:
+    clip = write_ffv1(tmp_path / "a.mkv", moving_scene(1))
+    out = tmp_path / "out"
+    flags = ["--layers", ",".join(LAYERS), "--owner", "a", "--comments", "b", "--timecode", "auto"]
+    assert main(["convert", "--quiet", str(clip), str(out), *flags]) == 0
+    image = read_exr(out / "a.0001.exr")
+    of_exr = {
+        "channels", "compression", "dataWindow", "displayWindow", "lineOrder", "type",
+        "screenWindowCenter", "screenWindowWidth",
+    }  # fmt: skip
+    assert set(image.attributes) - of_exr == set(ATTRIBUTES) - {"acesImageContainerFlag"}
+    assert set(image.channels) - set("RGB") == set(LAYER_CHANNELS)
