@@ -25,6 +25,7 @@ PROGRAM = "itmo-video "
 NOT_RUN = {  # a pattern of the command line, and why it is not run here
     r"[|<>]|&&": "a shell's pipe or redirection: tests/test_pipes.py, tests/test_shell.py",
     r"\.\.\.|COMMAND": "an abbreviation",
+    r"--shots|\.otio|film\.mov": "extra `otio`, and an edit: tests/test_edit_lists.py",
     r"\bstudio\b": "waits for a browser: tests/studio",
     r"--scheduler": "starts processes or needs a scheduler: tests/test_cluster*.py, tests/laws",
     r"--ibl": "extra `ibl` and a minute: tests/test_ibl.py",
