@@ -14,17 +14,19 @@ from itmo_video.expand_map.letterbox import find_bars
 from itmo_video.expand_map.median_cut import median_cut
 from itmo_video.look import Look, context_of
 from itmo_video.model import Float32, Float64, Frame
+from itmo_video.operators.base import Recall, made_anew
 from itmo_video.settings import Settings
 
 
-def make_key_map(frame: Frame, look: Look) -> Float32:
+def make_key_map(frame: Frame, look: Look, recall: Recall = made_anew) -> Float32:
     """A frame's own map at analysis size, (H, W) in [0, 1], or (H, W, C) with planes for gains.
 
-    The Expand Map of sections 2.2 and 2.3, or the operator's own; 0 on black bars.
+    The Expand Map of sections 2.2 and 2.3, or the operator's own; 0 on black bars. `recall` may
+    hold what operators make of the picture alone (`Context.recall`).
     """
     size = analysis_size(*frame.size, look.settings.map_width)
     if look.operator.sees == "rgb":
-        return _map_of_rgb(frame, size, look)
+        return _map_of_rgb(frame, size, look, recall)
     return _map_of_light(frame, size, look)
 
 
@@ -54,12 +56,12 @@ def _map_of_light(frame: Frame, size: tuple[int, int], look: Look) -> Float32:
     return maps[0] if len(maps) == 1 else np.dstack(maps)
 
 
-def _map_of_rgb(frame: Frame, size: tuple[int, int], look: Look) -> Float32:
+def _map_of_rgb(frame: Frame, size: tuple[int, int], look: Look, recall: Recall) -> Float32:
     """The map of an operator that sees linear RGB at analysis size."""
     wraps = look.settings.projection == "latlong"
-    context = replace(context_of(None, look), wraps=wraps)
-    rgb = frame_rgb_small(frame, size)
-    inner = _inner(luminance_of([rgb[..., c] for c in range(3)]), wraps)
+    context = replace(context_of(None, look), wraps=wraps, recall=recall)
+    rgb = recall("rgb", lambda: frame_rgb_small(frame, size))
+    inner = recall("inner", lambda: _inner(luminance_of([rgb[..., c] for c in range(3)]), wraps))
     own = look.operator.map(rgb[inner], context)
     key_map = np.zeros((size[1], size[0], own.shape[2]), np.float32)
     key_map[inner] = own

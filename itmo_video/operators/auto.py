@@ -14,7 +14,7 @@ from __future__ import annotations
 import ctypes
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -23,7 +23,7 @@ from itmo_video.kernels import compiled_auto
 from itmo_video.kernels.dispatch import with_compiled_form
 from itmo_video.model import Float32, Half
 from itmo_video.operators.auto_clipping import decided_together, known_clipped
-from itmo_video.operators.auto_levels import clipped_levels
+from itmo_video.operators.auto_levels import expected_levels, level_shares
 from itmo_video.operators.auto_rendering import GREATEST_WEIGHT, curve_weight, rendering_of
 from itmo_video.operators.base import Context, Guard, Parameter
 from itmo_video.operators.luminance_operator import weighed
@@ -56,11 +56,13 @@ def map_auto(rgb_linear: Float32, context: Context, wrap_x: bool = False) -> Flo
     pad = min(width, max(1, width // 8)) if wrap_x else 0
     wide = np.pad(rgb_linear, ((0, 0), (pad, pad), (0, 0)), "wrap")
     maps = np.empty((height, width, 4), np.float32)
-    levels = np.pad(
-        clipped_levels(rgb_linear, context.l_max, wrap_x), ((0, 0), (pad, pad), (0, 0)), "wrap"
-    )
-    maps[..., :3] = decided_together(levels * known_clipped(wide), wide)[:, pad : pad + width]
-    rendering = rendering_of(rgb_linear, context.footage)
+    shares = context.recall("shares", lambda: level_shares(rgb_linear, wrap_x))
+    levels = expected_levels(shares, (height, width), context.l_max, wrap_x)
+    levels = np.pad(levels, ((0, 0), (pad, pad), (0, 0)), "wrap")
+    known = context.recall("known", lambda: known_clipped(wide))
+    maps[..., :3] = decided_together(levels * known, wide)[:, pad : pad + width]
+    seen = context.recall("rendering", lambda: rendering_of(rgb_linear))
+    rendering = replace(seen, footage=context.footage)
     maps[..., :3] *= np.float32(rendering.caution)
     weight = curve_weight(wide, rendering, context.lamps)
     maps[..., 3] = weight[:, pad : pad + width]

@@ -60,35 +60,58 @@ def clipped_levels(rgb_linear: Float32, l_max: float, wrap_x: bool = False) -> F
     `rgb_linear` is the picture at analysis size, float32 (H, W, 3) in [0, 1]; `wrap_x` for a
     panorama. Float32 in [0, 1].
     """
-    full_height, full_width = height, width = rgb_linear.shape[:2]
-    if width > 480:
-        height, width = max(1, round(height * WIDTH_PX / width)), WIDTH_PX
+    shares = level_shares(rgb_linear, wrap_x)
+    return expected_levels(shares, rgb_linear.shape[:2], l_max, wrap_x)
+
+
+def level_shares(rgb_linear: Float32, wrap_x: bool = False) -> Float32:
+    """The network's word, whatever L'max: float32 (3, levels, h, w), shares that reach a level.
+
+    `rgb_linear` as for `clipped_levels`; h and w are half of the network's padded picture's.
+    """
+    height, width = _seen_size(*rgb_linear.shape[:2])
+    if (height, width) != rgb_linear.shape[:2]:
         rgb_linear = np.asarray(
             cv2.resize(rgb_linear, (width, height), interpolation=cv2.INTER_AREA), np.float32
         ).reshape(height, width, 3)
     codes = srgb_codes(rgb_linear)
-    left = WRAP_PX if wrap_x else 0
-    if left:
+    if wrap_x:
         codes = np.concatenate(
-            [codes.take(range(-left, 0), 1, mode="wrap"), codes,
-             codes.take(range(width, width + left), 1, mode="wrap")], axis=1,
+            [codes.take(range(-WRAP_PX, 0), 1, mode="wrap"), codes,
+             codes.take(range(width, width + WRAP_PX), 1, mode="wrap")], axis=1,
         )  # fmt: skip
     below, right = -height % TILE_PX, -codes.shape[1] % TILE_PX
     codes = cv2.copyMakeBorder(codes, 0, below, 0, right, cv2.BORDER_REFLECT)
     net = _network()
     net.setInput(features(codes, height)[None])
-    levels = np.asarray(net.forward(), np.float32)[0]
+    shares = np.array(net.forward()[0], np.float32)  # a copy: the network keeps its own
+    return shares.reshape(3, len(EDGES_STOPS) - 1, *shares.shape[1:])
+
+
+def expected_levels(
+    shares: Float32, size: tuple[int, ...], l_max: float, wrap_x: bool = False
+) -> Float32:
+    """What `clipped_levels` gives for a picture of `size` (H, W) whose `level_shares` these are."""
+    height, width = _seen_size(size[0], size[1])
     peak_stops = math.log2(max(l_max, 1 + 1e-6))
     edges = np.minimum(EDGES_STOPS, peak_stops)
     # The last level's share is taken on to peaks beyond it.
     widths = np.diff([*edges[:-1], max(peak_stops, edges[-1])])
-    levels = levels.reshape(3, len(widths), *levels.shape[1:])
-    stops = np.einsum("k,ckhw->hwc", (widths / peak_stops).astype(np.float32), levels)
-    seen = cv2.resize(stops, (codes.shape[1], codes.shape[0]), interpolation=cv2.INTER_LINEAR)
+    stops = np.einsum("k,ckhw->hwc", (widths / peak_stops).astype(np.float32), shares)
+    padded = 2 * shares.shape[3], 2 * shares.shape[2]
+    left = WRAP_PX if wrap_x else 0
+    seen = cv2.resize(stops, padded, interpolation=cv2.INTER_LINEAR)
     seen = seen[:height, left : left + width]
-    if (full_height, full_width) != (height, width):
-        seen = cv2.resize(seen, (full_width, full_height), interpolation=cv2.INTER_LINEAR)
-    return np.asarray(np.clip(seen, 0, 1), np.float32).reshape(full_height, full_width, 3)
+    if (height, width) != tuple(size):
+        seen = cv2.resize(seen, (size[1], size[0]), interpolation=cv2.INTER_LINEAR)
+    return np.asarray(np.clip(seen, 0, 1), np.float32).reshape(size[0], size[1], 3)
+
+
+def _seen_size(height: int, width: int) -> tuple[int, int]:
+    """(height, width) of what the network sees of a picture of that size."""
+    if width <= 480:
+        return height, width
+    return max(1, round(height * WIDTH_PX / width)), WIDTH_PX
 
 
 def _network() -> Any:

@@ -36,6 +36,14 @@ class FrameStats:
     diffuse_white: float
 
 
+Recall: TypeAlias = Callable[[str, Callable[[], Any]], Any]
+
+
+def made_anew(_what: str, make: Callable[[], Any]) -> Any:
+    """A `Recall` that remembers nothing."""
+    return make()
+
+
 @dataclass(frozen=True)
 class Context:
     """What an operator may know: maxima in units of SDR white, and its own parameters.
@@ -44,7 +52,8 @@ class Context:
     `stats` only where the operator needs them; `density`, which makes the paper's Expand Map of a
     luminance picture by the settings at hand, only where a map is made of luminance; `wraps` tells
     that left and right meet, as in a panorama; `hue`, `lamps` and `footage` are the settings of
-    those names.
+    those names. `recall(what, make)` gives what is made of the picture alone, whatever the settings
+    of the look: anew, unless somebody who tries settings on one picture remembers it.
     """
 
     l_max: float
@@ -58,6 +67,7 @@ class Context:
     footage: str = "auto"
     density: Callable[[Float32], Float32] | None = None
     wraps: bool = False
+    recall: Recall = made_anew
 
     def expand_map(self, luminance: Float32) -> Float32:
         """The paper's Expand Map by the settings; ValueError where no map is being made."""
