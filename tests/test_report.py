@@ -16,7 +16,7 @@ import pytest
 from browser import chromium
 from clips import moving_scene, write_ffv1
 
-from itmo_video import make_settings
+from itmo_video import analyse, make_settings
 from itmo_video.cli.main import main
 from itmo_video.conversion.convert import RunOptions, convert
 from itmo_video.delivery.preview import PreviewOptions, preview
@@ -100,6 +100,16 @@ def test_figures_are_the_exrs(folder: Path) -> None:
     assert float(told["MaxCLL"]) == pytest.approx(largest, rel=0.01)
     assert float(told["MaxFALL"]) == pytest.approx(average, rel=0.01)
     assert re.search(r"<dt>Cuts</dt><dd>1</dd>", text_of(folder)), "the cut at 7 is not marked"
+
+
+def test_each_shot_s_rendering_is_told_as_analyse_tells_it(folder: Path, clip: Path) -> None:
+    rows = re.findall(r">rendering, frames ([\d-]+)</th><td>([^<]*)</td>", text_of(folder))
+    told = [
+        (f"{shot.first}-{shot.last}", str(shot.rendering).replace("'", "&#39;"))
+        for shot in analyse(clip).shots
+    ]
+    assert rows == told
+    assert len(rows) == 2
 
 
 def test_report_without_source_says_what_is_missing(folder: Path, tmp_path: Path) -> None:

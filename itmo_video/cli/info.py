@@ -5,10 +5,13 @@ from __future__ import annotations
 import argparse
 import json
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from itmo_video.options import flag_name
-from itmo_video.presets import load_preset, preset_names, read_preset
+from itmo_video.presets import load_preset, make_settings, preset_names, read_preset
+
+if TYPE_CHECKING:
+    from itmo_video.source.opening import Clip
 
 
 def add_info(commands: Any) -> None:
@@ -33,11 +36,31 @@ def _info(args: argparse.Namespace) -> int:
     # info only tells: what convert would refuse as HDR is told, not refused.
     with open_clip(args.input, InputOptions(only_tells=True)) as clip:
         told = facts.clip_facts(clip.info)
+        if (rendering := _rendering(clip)) is not None:
+            told["rendering"] = rendering
     if args.json:
         print(json.dumps(told, indent=1))
     else:
         print(as_table(told))
     return 0
+
+
+def _rendering(clip: Clip) -> dict[str, str] | None:
+    """How the first frame was rendered to SDR; None of HDR, and where it cannot be decoded."""
+    from itmo_video.errors import ItmoError
+    from itmo_video.operators.auto_rendering import rendering_of_frame
+
+    if clip.info.encoding.transfer in ("pq", "hlg", "log"):
+        return None
+    settings = make_settings()
+    try:
+        first = next(iter(clip.frames()), None)
+    except ItmoError:  # convert tells of it
+        return None
+    if first is None:
+        return None
+    words = rendering_of_frame(first, settings.map_width).in_words(settings.l_max_effective)
+    return {"value": words, "from": "the first frame; `analyse` tells it of each shot"}
 
 
 def _presets(args: argparse.Namespace) -> int:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from fractions import Fraction
 from itertools import chain
 
@@ -20,6 +20,7 @@ from itmo_video.errors import DamagedInputError
 from itmo_video.evaluation import flicker
 from itmo_video.model import Code, Float32, Float64
 from itmo_video.motion.cut_detection import TINY_SIZE, analyse_frame, place
+from itmo_video.operators.auto_rendering import Rendering, mean_rendering, rendering_of_frame
 
 BINS_A_STOP = 2
 LOWEST_STOP = -14
@@ -48,7 +49,8 @@ class FrameFacts:
 class Measured:
     """A frame's facts, and small pictures of it that are looked at beside its neighbours'.
 
-    `histogram` counts pixels by half stops of luminance about SDR white from LOWEST_STOP up.
+    `histogram` counts pixels by half stops of luminance about SDR white from LOWEST_STOP up;
+    `rendering` is how the source was rendered to SDR, None without it.
     """
 
     facts: FrameFacts
@@ -57,6 +59,7 @@ class Measured:
     gain_small: Float32 | None
     grey: Code
     tiny: Float32
+    rendering: Rendering | None = None
 
     @property
     def index(self) -> int:
@@ -65,12 +68,21 @@ class Measured:
 
 
 @dataclass(frozen=True)
+class ShotFacts:
+    """A shot from cut to cut, by frame numbers, and how its source was rendered to SDR."""
+
+    first: int
+    last: int
+    rendering: Rendering
+
+
+@dataclass(frozen=True)
 class FilmFacts:
     """All frames measured: `cuts` and `keys` are indices; flickers by frame, None if unknown.
 
     Flicker is the mean absolute change from the frame before along the motion between them, 0 for
     the first frame of a shot. `histogram` is the share of all pixels in each half stop from
-    LOWEST_STOP up; it sums to 1.
+    LOWEST_STOP up; it sums to 1. `shots` are known where the source is.
     """
 
     frames: list[FrameFacts]
@@ -80,6 +92,7 @@ class FilmFacts:
     keys: list[int]
     map_flicker: list[float] | None
     gain_flicker: list[float] | None
+    shots: list[ShotFacts] = field(default_factory=list)
 
 
 def luminance_of(picture: Picture, primaries: str) -> Float32:
@@ -115,9 +128,11 @@ def measure(
         float(np.mean(luminance >= 0.98 * peak_nits / white_nits)), broken,
         None if map_small is None else float(map_small.mean()),
     )  # fmt: skip
+    source = picture.source
     return Measured(
         facts, counts.astype(np.float64), map_small, _gain(picture, luminance), _grey(luminance),
         _tiny(picture, luminance, map_width),
+        None if source is None else rendering_of_frame(source, map_width),
     )  # fmt: skip
 
 
@@ -137,6 +152,7 @@ def film_facts(frames: Iterable[Measured], key_interval: int) -> FilmFacts:
     keys: list[int] = []
     maps: list[float | None] = []
     gains: list[float | None] = []
+    shots: list[tuple[int, int, list[Rendering]]] = []
     before: Measured | None = None
     waiting = chain((first,), source)
     del first  # else it would be held to the end
@@ -145,6 +161,11 @@ def film_facts(frames: Iterable[Measured], key_interval: int) -> FilmFacts:
         starts_shot = before is None or placed.starts_shot
         if starts_shot and before is not None:
             cuts.append(now.index)
+        if now.rendering is not None:
+            number = now.facts.number
+            begun, _, told = (number, 0, []) if starts_shot or not shots else shots.pop()
+            told.append(now.rendering)
+            shots.append((begun, number, told))
         if placed.is_key:
             keys.append(now.index)
         map_change, gain_change = _changes(now if before is None else before, now, starts_shot)
@@ -156,6 +177,7 @@ def film_facts(frames: Iterable[Measured], key_interval: int) -> FilmFacts:
     return FilmFacts(
         facts, hdr.film_light(frame.light for frame in facts), total / max(1.0, total.sum()),
         cuts, keys, _if_all_known(maps), _if_all_known(gains),
+        [ShotFacts(begun, last, mean_rendering(told)) for begun, last, told in shots],
     )  # fmt: skip
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -28,6 +29,7 @@ from itmo_video.source.opening import input_files
 from itmo_video.words import counted
 
 MAX_FRAMES = 240
+MOST_SHOTS = 40  # whose rendering is told
 MAX_PICTURE_CHARACTERS = 13_500_000  # the page with its plots stays below 15 MB
 REPORT_NAME = "report.html"
 
@@ -57,7 +59,8 @@ def report(
         on_event(Warned(notice))
     on_event(Started(str(folder), str(gate.path), len(pictures.numbers), 0))
     facts, embedded = _measured(pictures, converted, on_event)
-    text = render_page(converted, pictures, facts, embedded, _source_facts(clip, converted))
+    told = _source_facts(clip, converted) + _renderings(facts, converted)
+    text = render_page(converted, pictures, facts, embedded, told)
     gate.write(text.encode("utf-8", "backslashreplace"))
     return gate.path
 
@@ -222,6 +225,19 @@ def _source_facts(clip: str | Path | None, converted: Converted) -> list[tuple[s
         if name != "path":
             rows.append((str(name).replace("_", " "), _told(value)))
     return rows
+
+
+def _renderings(facts: FilmFacts, converted: Converted) -> list[tuple[str, str]]:
+    """How the shots were rendered to SDR and what was done, of those the operator asks it for."""
+    rows = []
+    for shot in facts.shots:
+        settings = converted.settings_of(shot.first)
+        if settings.operator == "auto":
+            found = replace(shot.rendering, footage=settings.footage)
+            frames = format_ranges(range(shot.first, shot.last + 1))
+            rows.append((f"rendering, frames {frames}", found.in_words(settings.l_max_effective)))
+    more = len(rows) - MOST_SHOTS
+    return rows if more <= 0 else [*rows[:MOST_SHOTS], ("rendering", f"{more} more shots")]
 
 
 def _settings_rows(converted: Converted) -> list[tuple[str, str]]:

@@ -10,13 +10,16 @@ hardly anything there, a clipped camera piles up all that was brighter.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
 
+from itmo_video.colour import linear_light
+from itmo_video.colour.analysis_picture import analysis_size
 from itmo_video.colour.luminance import luminance_of
-from itmo_video.model import Float32
+from itmo_video.model import Float32, Frame
 from itmo_video.operators.ramps import ramp, ramps
 
 CLIPPED_FROM = 0.975  # of white, linear: compression lets clipped areas waver
@@ -96,6 +99,21 @@ def rendering_of(rgb_linear: Float32, footage: str = "auto") -> Rendering:
         float(middle) ** (1 / _GAMMA),
         footage,
     )
+
+
+def rendering_of_frame(frame: Frame, map_width: int, footage: str = "auto") -> Rendering:
+    """Read a frame's rendering from its codes at analysis size, averaged over areas."""
+    size = analysis_size(*frame.size, map_width)
+    planes = tuple(cv2.resize(p, size, interpolation=cv2.INTER_AREA) for p in frame.planes)
+    linear = linear_light.to_rgb_linear(replace(frame, planes=planes), clip=True)
+    return rendering_of(np.clip(np.dstack(list(linear)), 0, 1), footage)
+
+
+def mean_rendering(renderings: Sequence[Rendering], footage: str = "auto") -> Rendering:
+    """What a shot's frames tell together; `renderings` has one at least."""
+    told = [(one.clipped, one.bright, one.white, one.middle_code) for one in renderings]
+    clipped, bright, white, middle_code = np.mean(told, axis=0).tolist()
+    return Rendering(clipped, bright, white, middle_code, footage)
 
 
 def curve_weight(rgb_linear: Float32, rendering: Rendering, lamps: float) -> Float32:
