@@ -27,6 +27,7 @@ CHROMATICITIES: dict[str, tuple[float, ...]] = {
     "p3d65": (0.680, 0.320, 0.265, 0.690, 0.150, 0.060, *_D65),
     "adobergb": (0.64, 0.33, 0.21, 0.71, 0.15, 0.06, *_D65),
     "acescg": (0.713, 0.293, 0.165, 0.830, 0.128, 0.044, *_ACES_WHITE),  # AP1
+    "alexa_wide_gamut": (0.684, 0.313, 0.221, 0.848, 0.0861, -0.102, *_D65),
     "aces2065-1": (0.7347, 0.2653, 0.0, 1.0, 0.0001, -0.077, *_ACES_WHITE),  # AP0
 }
 """rx, ry, gx, gy, bx, by, wx, wy of each set of primaries, sources' and outputs'."""

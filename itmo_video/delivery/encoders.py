@@ -14,12 +14,17 @@ from itmo_video.delivery.film_spec import DEFAULT_CRF, DEFAULT_SPEED, FilmSpec, 
 from itmo_video.delivery.hdr import YCbCr
 from itmo_video.delivery.svt_av1 import svt_as_guest
 
-ENCODERS: dict[str, str] = {"av1": "libsvtav1", "hevc": "libx265", "prores": "prores_ks"}
+ENCODERS: dict[str, str] = {
+    "av1": "libsvtav1", "hevc": "libx265", "prores": "prores_ks", "prores4444": "prores_ks",
+    "dnxhr": "dnxhd",
+}  # fmt: skip
 # Code points of ITU-T H.273: primaries, transfer, matrix.
 _CODE_POINTS: dict[str, tuple[int, int, int]] = {
     "pq": (9, 16, 9),
     "hlg": (9, 18, 9),
     "sdr": (1, 1, 1),
+    "acescct": (2, 2, 1),  # H.273 has no numbers for log and its primaries
+    "logc3": (2, 2, 1),
 }
 
 
@@ -47,8 +52,10 @@ def encode_avif(planes: YCbCr, crf: float, signal: Signal = "pq") -> bytes:
 
 def encoder_options(spec: FilmSpec) -> dict[str, str]:
     """What the encoder of this film is told, by FFmpeg's names."""
-    if spec.codec == "prores":
-        return {"profile": "3", "vendor": "apl0"}
+    if spec.codec in ("prores", "prores4444"):
+        return {"profile": "3" if spec.codec == "prores" else "4", "vendor": "apl0"}
+    if spec.codec == "dnxhr":
+        return {"profile": "dnxhr_hqx" if spec.chroma == "422" else "dnxhr_444"}
     crf = spec.crf if spec.crf is not None else DEFAULT_CRF[spec.codec]
     options = {"crf": f"{crf:g}", "preset": spec.speed or DEFAULT_SPEED[spec.codec]}
     cll, fall = metadata.PLACEHOLDER

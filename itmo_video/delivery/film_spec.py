@@ -12,8 +12,16 @@ from itmo_video.delivery import metadata
 from itmo_video.delivery.hdr import Chroma
 from itmo_video.errors import UsageError
 
-Codec = Literal["av1", "hevc", "prores"]
-Signal = Literal["pq", "hlg", "sdr"]
+Codec = Literal["av1", "hevc", "prores", "prores4444", "dnxhr"]
+Signal = Literal["pq", "hlg", "sdr", "acescct", "logc3"]
+
+MASTERS: dict[str, tuple[Chroma, ...]] = {  # for grading: intraframe, of a fixed quality
+    "prores": ("422",),
+    "prores4444": ("444",),
+    "dnxhr": ("422", "444"),
+}
+_NAMES = {"prores": "ProRes 422 HQ", "prores4444": "ProRes 4444", "dnxhr": "DNxHR"}
+_DNXHR_LEAST = (256, 120)
 
 MUXERS = {".mp4": "mp4", ".m4v": "mp4", ".mov": "mov", ".mkv": "matroska"}
 DEFAULT_CRF: dict[str, int] = {"av1": 25, "hevc": 18}
@@ -44,8 +52,13 @@ class FilmSpec:
 
 
 def default_chroma(codec: Codec) -> Chroma:
-    """4:2:2 for ProRes 422 HQ, 4:2:0 for what is distributed."""
-    return "422" if codec == "prores" else "420"
+    """What a codec for grading has first, 4:2:0 for what is distributed."""
+    return MASTERS[codec][0] if codec in MASTERS else "420"
+
+
+def pixel_format(chroma: Chroma) -> str:
+    """FFmpeg's name of planar Y'CbCr in 10 bits."""
+    return f"yuv{chroma}p10le"
 
 
 def check_film(path: Path, spec: FilmSpec) -> None:
@@ -54,15 +67,32 @@ def check_film(path: Path, spec: FilmSpec) -> None:
         raise UsageError(f"{path.name}: cannot be a film", remedy=f"Name it {', '.join(MUXERS)}.")
     if spec.codec == "av1" and path.suffix.lower() == ".mov":
         raise UsageError("AV1 does not go into .mov", remedy="Name the output .mp4 or .mkv.")
-    if spec.codec == "prores" and path.suffix.lower() not in (".mov", ".mkv"):
-        raise UsageError("ProRes goes into .mov or .mkv", remedy="Name the output film.mov.")
-    if spec.codec == "prores" and spec.crf is not None:
-        raise UsageError("ProRes 422 HQ has a fixed quality", remedy="Leave --crf out.")
+    if spec.codec in MASTERS:
+        _check_master(path, spec)
+    elif spec.signal in ("acescct", "logc3"):
+        raise UsageError(
+            "log is for grading", remedy="Take --codec prores4444, prores or dnxhr, and film.mov."
+        )
     if spec.pixel_aspect != 1 and spec.codec == "av1" and path.suffix.lower() == ".mkv":
         raise UsageError(  # AV1's own header has none, and PyAV does not set Matroska's
             "AV1 in .mkv would lose the shape of its pixels", remedy="Name the output .mp4."
         )
-    if spec.codec == "av1" and spec.chroma == "422":
+    if spec.codec == "av1" and spec.chroma != "420":
         raise UsageError("SVT-AV1 encodes 4:2:0 only", remedy="Take --codec hevc or prores.")
-    if spec.codec == "prores" and spec.chroma == "420":
-        raise UsageError("ProRes 422 is 4:2:2", remedy="Leave --chroma out.")
+
+
+def _check_master(path: Path, spec: FilmSpec) -> None:
+    name = _NAMES[spec.codec]
+    if path.suffix.lower() not in (".mov", ".mkv"):
+        raise UsageError(f"{name} goes into .mov or .mkv", remedy="Name the output film.mov.")
+    if spec.crf is not None or spec.speed is not None:
+        raise UsageError(f"{name} has a fixed quality", remedy="Leave --crf and --speed out.")
+    if spec.chroma not in MASTERS[spec.codec]:
+        raise UsageError(f"{name} is not {':'.join(spec.chroma)}", remedy="Leave --chroma out.")
+
+
+def check_size(spec: FilmSpec) -> None:
+    """Raise UsageError for sizes in pixels that the codec does not have."""
+    is_small = spec.width < _DNXHR_LEAST[0] or spec.height < _DNXHR_LEAST[1]
+    if spec.codec == "dnxhr" and is_small:
+        raise UsageError(f"{spec.width}x{spec.height} is too small for DNxHR")

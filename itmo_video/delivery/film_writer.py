@@ -19,8 +19,16 @@ from itmo_video.delivery.encoders import (
     frame_of,
     tag_signal,
 )
-from itmo_video.delivery.film_spec import MUXERS, FilmSpec, check_film
+from itmo_video.delivery.film_spec import (
+    MASTERS,
+    MUXERS,
+    FilmSpec,
+    check_film,
+    check_size,
+    pixel_format,
+)
 from itmo_video.delivery.hdr import Light, YCbCr
+from itmo_video.delivery.log_curves import TOLD
 from itmo_video.delivery.sound import Sound
 from itmo_video.delivery.svt_av1 import svt_as_guest
 from itmo_video.errors import ItmoError, OutputError
@@ -50,6 +58,7 @@ class FilmWriter:
     ) -> None:
         path = gate.path
         check_film(path, spec)
+        check_size(spec)
         self._gate, self.path, self.spec = gate, path, spec
         self._is_whole = is_whole
         self._start_s = first_s
@@ -66,6 +75,8 @@ class FilmWriter:
             self._box: Any = av.open(
                 os.fspath(self._temp), "w", format=muxer, options=options, **TAG_ERRORS
             )
+            if spec.signal in TOLD:
+                self._box.metadata["comment"] = TOLD[spec.signal]
             self._stream = self._add_video()
             self._sound: Iterator[tuple[Any, Fraction]] = iter(())
             self._waiting: tuple[Any, Fraction] | None = None
@@ -93,7 +104,7 @@ class FilmWriter:
     def write(self, planes: YCbCr, time_s: Fraction, duration_s: Fraction | None = None) -> None:
         """Encode one frame, to be shown from `time_s` on; frames come in rising time."""
         spec = self.spec
-        frame = frame_of(planes, "yuv422p10le" if spec.chroma == "422" else "yuv420p10le")
+        frame = frame_of(planes, pixel_format(spec.chroma))
         frame.pts = round((time_s - self._start_s) / spec.time_base)
         if self._last_pts is not None and frame.pts <= self._last_pts:
             frame.pts = self._last_pts + 1
@@ -116,7 +127,7 @@ class FilmWriter:
             self._box.close()
             if light is not None and self.spec.signal == "pq":
                 found = metadata.complete_light(self._temp, self.spec.codec, light)
-                if self.spec.codec != "prores" and not found:
+                if self.spec.codec not in MASTERS and not found:
                     raise OutputError("its encoder wrote no content light", where=str(self.path))
                 if self.path.suffix.lower() != ".mkv":
                     metadata.add_boxes(self._temp, self.spec.mastering, light)
@@ -139,7 +150,7 @@ class FilmWriter:
             ENCODERS[spec.codec], rate=spec.frame_rate, options=encoder_options(spec)
         )
         stream.width, stream.height = spec.width, spec.height
-        stream.pix_fmt = "yuv422p10le" if spec.chroma == "422" else "yuv420p10le"
+        stream.pix_fmt = pixel_format(spec.chroma)
         context = stream.codec_context
         context.time_base = spec.time_base
         stream.time_base = spec.time_base

@@ -19,7 +19,7 @@ from itmo_video.colour.transfer import hlg_gamma, hlg_oetf, pq_code
 from itmo_video.model import Float32, Half
 
 Curve = Literal["pq", "hlg"]
-Chroma = Literal["420", "422"]
+Chroma = Literal["420", "422", "444"]
 Codes10: TypeAlias = npt.NDArray[np.uint16]
 YCbCr: TypeAlias = tuple[Codes10, Codes10, Codes10]
 Planes: TypeAlias = tuple[Float32, Float32, Float32]
@@ -139,7 +139,9 @@ def master_frame(
     height, width = rgb[0].shape
     padded: tuple[Any, ...] = pad_even(rgb)
     rows, columns = padded[0].shape
-    chroma_shape = (rows // 2 if chroma == "420" else rows, columns // 2)
+    chroma_shape = (
+        rows // 2 if chroma == "420" else rows, columns if chroma == "444" else columns // 2
+    )  # fmt: skip
     out = tuple(np.empty(s, np.uint16) for s in ((rows, columns), chroma_shape, chroma_shape))
     peak = total = 0.0
     for top in range(0, rows, _STRIP_ROWS):
@@ -193,6 +195,8 @@ def _curve_table(curve: Curve) -> Float32:
 
 
 def _subsampled(plane: Any, chroma: Chroma) -> Any:
+    if chroma == "444":
+        return plane
     if chroma == "420":
         plane = cv2.addWeighted(plane[0::2], 0.5, plane[1::2], 0.5, 0)
     around = cv2.copyMakeBorder(plane, 0, 0, 1, 1, cv2.BORDER_REPLICATE)

@@ -108,7 +108,7 @@ def add_boxes(path: Path, mastering: Mastering, light: Light) -> bool:
 
 
 _PATH = (b"moov", b"trak", b"mdia", b"minf", b"stbl", b"stsd")
-_VIDEO_ENTRIES = (b"av01", b"hvc1", b"hev1", b"apch")
+_VIDEO_ENTRIES = (b"av01", b"hvc1", b"hev1", b"apch", b"ap4h", b"AVdh")
 _ENTRY_HEAD = 86  # of a VisualSampleEntry: box header and fixed fields
 
 

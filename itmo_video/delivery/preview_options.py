@@ -8,7 +8,7 @@ from typing import Literal
 
 from itmo_video.options import check_options, option
 
-View = Literal["hdr10", "hlg", "sdr", "compare", "false-colour", "ladder"]
+View = Literal["hdr10", "hlg", "sdr", "compare", "false-colour", "ladder", "acescct", "logc3"]
 OF_VIEW = (
     "view", "frame", "tone_map", "display_peak", "exposure", "layout", "wipe_at",
     "hdr_compare", "no_labels", "scale", "clip",
@@ -29,7 +29,9 @@ class PreviewOptions:
 
     view: View | None = option(
         None, str, "what to show (hdr10; a JPEG then is SDR with a gain map)", flag="as",
-        choices=("hdr10", "hlg", "sdr", "compare", "false-colour", "ladder"),
+        choices=(
+            "hdr10", "hlg", "sdr", "compare", "false-colour", "ladder", "acescct", "logc3"
+        ),
     )  # fmt: skip
     frame: int | None = option(
         None, int, "a still of this frame, by its number", lower=0, metavar="N"
@@ -64,12 +66,14 @@ class PreviewOptions:
         None, Path, "a folder's source: sound, compare", flag="source", metavar="CLIP"
     )
     no_audio: bool = option(False, bool, "leave the source's sound out of the film")
-    codec: Literal["av1", "hevc", "prores"] = option(
-        "av1", str, "of a film", choices=("av1", "hevc", "prores")
-    )
-    chroma: Literal["420", "422"] | None = option(
-        None, str, "4:2:0 or 4:2:2 (by the codec; av1 has 4:2:0)", choices=("420", "422")
-    )
+    codec: Literal["av1", "hevc", "prores", "prores4444", "dnxhr"] = option(
+        "av1", str, "of a film; the last three are for grading, in .mov",
+        choices=("av1", "hevc", "prores", "prores4444", "dnxhr"),
+    )  # fmt: skip
+    chroma: Literal["420", "422", "444"] | None = option(
+        None, str, "4:2:0, 4:2:2 or 4:4:4 (by the codec; av1 has 4:2:0)",
+        choices=("420", "422", "444"),
+    )  # fmt: skip
     depth: Literal["8", "10"] = option(
         "10", str, "bits of y4m, 8 for SDR views only", choices=("8", "10")
     )

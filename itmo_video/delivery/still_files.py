@@ -27,6 +27,8 @@ _NO_LIGHT = Light(0.0, 0.0)
 
 def check_still_options(suffix: str, options: PreviewOptions) -> None:
     """Raise UsageError for views that the kind of still does not hold."""
+    if signal_of(options) in ("acescct", "logc3"):
+        raise UsageError("log is for films", remedy="Name it film.mov; or take --as hdr10.")
     if suffix == ".avif" and signal_of(options) == "sdr":
         raise UsageError(
             "AVIF stills are HDR", remedy="Take --as hdr10 or hlg, or name it .png or .jpg."

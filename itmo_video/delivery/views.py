@@ -15,6 +15,7 @@ from itmo_video.delivery.false_colour import false_colour
 from itmo_video.delivery.film_spec import Signal
 from itmo_video.delivery.hdr import Chroma, Light, YCbCr
 from itmo_video.delivery.lettering import labelled
+from itmo_video.delivery.log_curves import log_codes
 from itmo_video.delivery.pictures import Picture, Pictures
 from itmo_video.delivery.preview_options import PreviewOptions
 from itmo_video.errors import UsageError
@@ -34,6 +35,8 @@ def signal_of(options: PreviewOptions) -> Signal:
     """How what is shown is encoded."""
     if options.view == "hdr10" or (options.view == "compare" and options.hdr_compare):
         return "pq"
+    if options.view == "acescct" or options.view == "logc3":
+        return options.view
     return "hlg" if options.view == "hlg" else "sdr"
 
 
@@ -119,6 +122,10 @@ def shown_frame(
         planes = hdr.to_ycbcr(even, "bt709", chroma, picture.index, bit_depth=int(options.depth))
         return ShownFrame(picture.number, picture.time_s, planes, Light(0.0, 0.0))
     rgb, primaries, white = light_of(picture, pictures, options)
+    if signal == "acescct" or signal == "logc3":
+        log = hdr.pad_even(log_codes(rgb, primaries, signal))
+        planes = hdr.to_ycbcr(log, "bt709", chroma, picture.index, bit_depth=int(options.depth))
+        return ShownFrame(picture.number, picture.time_s, planes, Light(0.0, 0.0))
     curve: hdr.Curve = "pq" if signal == "pq" else "hlg"
     planes, light = hdr.master_frame(
         rgb, primaries, white, pictures.peak_nits, curve, chroma, picture.index,

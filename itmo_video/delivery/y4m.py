@@ -45,7 +45,8 @@ class Y4mSpec:
         """The stream's first line."""
         rate, aspect = self.frame_rate, self.pixel_aspect
         if self.bit_depth == 8:
-            kind = "420mpeg2 XYSCSS=420MPEG2" if self.chroma == "420" else "422 XYSCSS=422"
+            plain = f"{self.chroma} XYSCSS={self.chroma}"
+            kind = "420mpeg2 XYSCSS=420MPEG2" if self.chroma == "420" else plain
         else:
             kind = f"{self.chroma}p{self.bit_depth} XYSCSS={self.chroma}P{self.bit_depth}"
         return (
