@@ -15,6 +15,7 @@ from itmo_video.operators import (
     geometric_mean,
     resolve_params,
 )
+from itmo_video.options import flag_name
 from itmo_video.settings import Settings
 
 _OF_MAP = ("lights", "min_lights", "soft_lights")  # and the radius, which guards look at, too
@@ -39,9 +40,25 @@ class Look:
         What is derived is resolved and the operator's parameters are all there; what the operator
         or another setting leaves without effect is not.
         """
-        settings, operator = self.settings, self.operator
-        values = settings.as_dict() | {"operator_params": dict(self.params)}
-        idle = {name for name, value in values.items() if value in (None, [], {})}
+        values = self.settings.as_dict() | {"operator_params": dict(self.params)}
+        unset = {name for name, value in values.items() if value in (None, [], {})}
+        return {n: value for n, value in values.items() if n not in unset | self._idle}
+
+    @property
+    def notices(self) -> tuple[str, ...]:
+        """A word about settings that were asked for (make_settings) and have no effect."""
+        _, overrides = self.settings.asked or ("", {})
+        idle = [flag_name(name) for name in overrides if name in self._idle]
+        if not idle:
+            return ()
+        about = f"operator {self.settings.operator}"
+        about += "" if self.needs_map else ", no Expand Map"
+        return (f"{', '.join(sorted(idle))} has no effect with these settings ({about})",)
+
+    @property
+    def _idle(self) -> set[str]:
+        """The settings that the operator or another setting leaves without effect."""
+        settings, operator, idle = self.settings, self.operator, set[str]()
         if not self.needs_map:
             idle |= {*_OF_MAP, "edge_aware", "key_interval", "temporal", "smooth_keys"}
             if not settings.noise_guard:
@@ -59,7 +76,7 @@ class Look:
             idle.add("peak_nits")
         if not operator.uses_l_white:
             idle.add("l_white")
-        return {name: value for name, value in values.items() if name not in idle}
+        return idle
 
 
 def make_look(settings: Settings) -> Look:

@@ -10,8 +10,9 @@ import dataclasses
 import os
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from fractions import Fraction
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, Protocol, TypeVar, runtime_checkable
 
 from itmo_video.errors import UsageError
 
@@ -39,9 +40,10 @@ class Spec:
 
     def check(self, name: str, value: object) -> object:
         """The value, converted to its kind; raises UsageError where it is out of bounds."""
+        value = _plain(value)
         if isinstance(value, str) and value in self.words:
             return value
-        if self.kind is float and isinstance(value, int) and not isinstance(value, bool):
+        if self.kind is float and isinstance(value, int | Fraction) and not isinstance(value, bool):
             try:
                 value = float(value)
             except OverflowError:
@@ -75,6 +77,37 @@ class Spec:
     def _kind_in_words(self) -> str:
         kind = _KIND_NAMES.get(self.kind, self.kind.__name__)
         return " or ".join([kind, *(repr(word) for word in self.words)])
+
+
+def _plain(value: Any) -> Any:
+    """A number of NumPy's, which most code that computes has, as Python's own."""
+    return value.item() if isinstance(value, _Scalar) and value.shape == () else value
+
+
+@runtime_checkable
+class _Scalar(Protocol):
+    shape: tuple[int, ...]
+
+    def item(self) -> Any: ...
+
+
+def checked(value: Any, kind: type[T], name: str) -> T:
+    """`value` if it is of `kind`, a new one of it for None; raises UsageError for all else."""
+    if value is None:
+        return kind()
+    if isinstance(value, kind):
+        return value
+    raise UsageError(
+        f"{name} must be {kind.__name__}, not {type(value).__name__}",
+        remedy=f"Make one: {kind.__name__}(...), its options by name.",
+    )
+
+
+def checked_path(value: Any, name: str) -> str:
+    """A path as text; raises UsageError for what is none."""
+    if isinstance(value, str | os.PathLike) and isinstance(path := os.fspath(value), str):
+        return path
+    raise UsageError(f"{name} must be a path, not {type(value).__name__}")
 
 
 _KIND_NAMES: dict[type, str] = {

@@ -51,6 +51,21 @@ def overriding(values: Mapping[str, Any], later: Mapping[str, Any]) -> dict[str,
     return held | dict(later)
 
 
+def as_settings(settings: Settings | str | None) -> Settings:
+    """Settings as they are, or those of a preset by its name; those of `default` for None.
+
+    Raises UsageError for all else.
+    """
+    if isinstance(settings, Settings):
+        return settings
+    if settings is None or isinstance(settings, str):
+        return make_settings(settings or "default")
+    raise UsageError(
+        f"settings must be Settings or a preset's name, not {type(settings).__name__}",
+        remedy="Make them: make_settings('default', peak_nits=600).",
+    )
+
+
 def with_own(base: Settings, own: Mapping[str, Any]) -> Settings:
     """`base` with a shot's own look: what flags of these names, given last, would make of it.
 
@@ -128,7 +143,13 @@ def load_preset(preset: str) -> dict[str, Any]:
     if not isinstance(table, dict):
         raise UsageError("[settings] must be a table", where=preset)
     values = {name.replace("-", "_"): value for name, value in table.items()}
+    if len(values) < len(table):
+        raise UsageError("a setting is given twice, with - and with _", where=preset)
     _require_one_maximum(values, where=preset)
+    try:
+        settings_from(values)
+    except UsageError as error:
+        raise UsageError(error.what, where=preset, remedy=error.remedy) from error
     return values
 
 

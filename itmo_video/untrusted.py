@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 import re
 import tomllib
+from collections import Counter
 from fractions import Fraction
 from typing import Any, NoReturn
 
@@ -16,6 +17,7 @@ from itmo_video.errors import InputError
 from itmo_video.regular_file import TEXT_BYTES, StrPath, read_regular
 
 _RATIONAL = re.compile(r"\s*([+-]?\d{1,18})(?:\.(\d{1,18})|/(\d{1,18}))?\s*", re.ASCII)
+_TOML_BYTES = 128 << 10  # ours have 1 kB; tomllib takes seconds for a key of a megabyte
 _DEEPEST = 64  # of nested lists and tables; ours go 5 deep
 
 
@@ -31,9 +33,14 @@ def parse_rational(text: str) -> Fraction:
 
 
 def parse_json(text: str) -> Any:
-    """What JSON text says; raises ValueError for what is not JSON, not finite or nested deeply."""
+    """What JSON text says; raises ValueError for what is not JSON, not finite or nested deeply.
+
+    A name that is given twice in a table is an error: one of the two would be lost.
+    """
     _check_depth(text)
-    return json.loads(text, parse_constant=_no_number, parse_float=_finite)
+    return json.loads(
+        text, parse_constant=_no_number, parse_float=_finite, object_pairs_hook=_table
+    )
 
 
 def read_json(path: StrPath) -> Any:
@@ -49,18 +56,19 @@ def read_json(path: StrPath) -> Any:
 
 def read_toml(path: StrPath) -> dict[str, Any]:
     """The content of a TOML file; raises InputError as read_json."""
-    text = read_text(path)
+    text = read_text(path, _TOML_BYTES)
     try:
         _check_depth(text)
+        _check_keys(text)
         return tomllib.loads(text)
     except (ValueError, RecursionError) as error:
         raise InputError(f"is not TOML: {error}", where=str(path)) from error
 
 
-def read_text(path: StrPath) -> str:
-    """A file of UTF-8 text; raises InputError for all else."""
+def read_text(path: StrPath, most_bytes: int = TEXT_BYTES) -> str:
+    """A file of UTF-8 text, with a byte order mark or without; raises InputError for all else."""
     try:
-        return read_regular(path, TEXT_BYTES).decode("utf-8")
+        return read_regular(path, most_bytes).decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise InputError("is not text (UTF-8)", where=str(path)) from error
 
@@ -73,6 +81,21 @@ def _check_depth(text: str) -> None:
         deepest = max(deepest, depth)
     if deepest > _DEEPEST:
         raise ValueError(f"it is nested {deepest} deep")
+
+
+def _check_keys(text: str) -> None:
+    """ValueError for keys of very many parts: each part is a table in the one before."""
+    for line in text.splitlines():
+        if not line.lstrip().startswith("#") and line.partition("=")[0].count(".") > _DEEPEST:
+            raise ValueError(f"a key has more than {_DEEPEST} parts")
+
+
+def _table(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    table = dict(pairs)
+    if len(table) < len(pairs):
+        twice = Counter(name for name, _ in pairs).most_common(1)[0][0]
+        raise ValueError(f"{twice[:40]!r} is given twice in one table")
+    return table
 
 
 def _no_number(name: str) -> NoReturn:

@@ -8,6 +8,11 @@ def counted(count: int, noun: str) -> str:
     return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
 
 
+def to_install(extra: str) -> str:
+    """How to install an extra: from where the package itself came, which is no index."""
+    return f"Install itmo_video[{extra}] from its source folder: pip install '.[{extra}]'"
+
+
 def missing(count: int, noun: str) -> str:
     """`1 frame is missing`, `2 frames are missing`."""
     return f"{counted(count, noun)} {'is' if count == 1 else 'are'} missing"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
@@ -18,12 +18,13 @@ from itmo_video.analysis.suggestions import suggestions
 from itmo_video.colour import linear_light
 from itmo_video.colour.analysis_picture import analysis_size
 from itmo_video.colour.luminance import limited_luminance
-from itmo_video.errors import DamagedInputError, InputError, ReplacedInputError
+from itmo_video.errors import DamagedInputError, InputError, ReplacedInputError, UsageError
 from itmo_video.events import FrameDone, OnEvent, Warned, ignore
-from itmo_video.model import Frame
-from itmo_video.motion.cut_detection import Analysed, analyse_frame, difference, place
+from itmo_video.model import ClipInfo, Frame
+from itmo_video.motion.cut_detection import CUT_REACH, Analysed, analyse_frame, difference, place
 from itmo_video.operators.auto_rendering import Rendering, rendering_of
-from itmo_video.presets import make_settings
+from itmo_video.options import checked_path
+from itmo_video.presets import as_settings
 from itmo_video.settings import Settings
 from itmo_video.source.clip import first_number
 from itmo_video.source.opening import Clip, input_options, open_clip
@@ -103,8 +104,9 @@ class _Edges:
 
 def analyse(
     source: str | Path,
-    settings: Settings | None = None,
+    settings: Settings | str | None = None,
     *,
+    frames: Collection[int] | None = None,
     start_number: int | None = None,
     max_pixels: int = 2**27,
     edit: str | Path | None = None,
@@ -115,7 +117,8 @@ def analyse(
     One that changes meanwhile is a DamagedInputError.
 
     The shots are those between cuts, or those of an edit list `edit` (.otio, .edl; extra `otio`).
-    Cuts and keyframes are those that a conversion with `settings` finds by itself. A source that
+    Cuts and keyframes are those that a conversion with `settings` finds by itself. Of `frames`
+    (numbers as in the file names) only these are looked at, and listed as shots. A source that
     breaks off is analysed until there; `on_event` is told so, and what is assumed (Warned), and of
     each frame that was looked at (FrameDone); what it raises ends the pass.
 
@@ -124,12 +127,15 @@ def analyse(
     >>> [(shot.first, shot.last) for shot in found.shots]
     [(1, 3)]
     """
-    settings = settings or make_settings()
+    settings, source = as_settings(settings), checked_path(source, "source")
     with open_clip(source, input_options(settings, max_pixels)) as clip:
         info = clip.info
         for notice in info.notices:
             on_event(Warned(notice))
         first = first_number(info, start_number)
+        wanted = _indices(info, first, frames)
+        cuts: list[int] = []
+        begun: int | None = None
         tallies: dict[int, _Tally] = {}
         times: list[Fraction] = []
         edges = _Edges()
@@ -139,12 +145,20 @@ def analyse(
         own = [(begin, end, _Tally()) for begin, end in edited or ()]
         begins = [begin for begin, _, _ in own]
         keys: list[int] = []
-        frames = _looked_at(clip, settings, tallies, times, edges, on_event)
-        for placed in place(frames, settings.key_reach, 0):
+        start = max(0, min(wanted) - 2 * CUT_REACH)  # a cut is seen by the frames around it
+        looked_at = _looked_at(clip, start, wanted, settings, tallies, times, edges, on_event)
+        done = 0
+        for placed in place(looked_at, settings.key_reach, start):
             index = placed.analysed.index
-            on_event(FrameDone(first + index, index + 1, info.frames))
+            begun = index if begun is None else begun
+            if index not in wanted:
+                continue
+            done += 1
+            on_event(FrameDone(first + index, done, len(wanted)))
             tally = tallies.pop(index)
-            if placed.starts_shot:
+            if placed.starts_shot and index != begun:
+                cuts.append(first + index)
+            if placed.starts_shot or index - 1 not in wanted or not shots:
                 tally.change, tally.changes = 0.0, 0  # a cut is no motion
                 shots.append((index, index, _Tally()))
             shots[-1] = (shots[-1][0], index, shots[-1][2])
@@ -163,7 +177,7 @@ def analyse(
         digest=info.digest,
         frames=info.frames,
         first_number=first,
-        cuts=tuple(first + begin for begin, _, _ in shots[1:]),
+        cuts=tuple(cuts),
         keyframes=tuple(keys),
         times_s=tuple(times),
         statistics=statistics,
@@ -177,12 +191,29 @@ def analyse(
                 rendering=tally.in_words(settings),
             )
             for begin, end, tally in (shots if edited is None else own)
+            if tally.frames or frames is None
         ),
     )
 
 
+def _indices(info: ClipInfo, first: int, frames: Collection[int] | None) -> Collection[int]:
+    """The indices to be looked at; raises UsageError for numbers that the clip does not have."""
+    if frames is None:
+        return range(info.frames)
+    outside = [n for n in frames if not first <= n < first + info.frames]
+    if outside or not frames:
+        raise UsageError(
+            f"frame {outside[0]} is not in the clip" if outside else "no frame is asked for",
+            where=info.path,
+            remedy=f"It has {first}-{first + info.frames - 1}.",
+        )
+    return {n - first for n in frames}
+
+
 def _looked_at(
     clip: Clip,
+    start: int,
+    wanted: Collection[int],
     settings: Settings,
     tallies: dict[int, _Tally],
     times: list[Fraction],
@@ -191,8 +222,15 @@ def _looked_at(
 ) -> Iterator[Analysed]:
     before: Analysed | None = None
     try:
-        for frame in clip.frames():
+        last = max(wanted) + 2 * CUT_REACH
+        for frame in clip.frames(start):
+            if frame.index > last:
+                return
             analysed = analyse_frame(frame, settings.map_width)
+            if frame.index not in wanted:
+                before = None
+                yield analysed
+                continue
             tally = _tally(frame, settings.map_width)
             if before is not None and before.index + 1 == frame.index:
                 tally.change, tally.changes = difference(before, analysed), 1

@@ -16,6 +16,12 @@ from itmo_video.settings import Settings
 
 FORMAT = 2  # in 1 a shot's strength multiplied the conversion's
 FORMAT_NAME = "itmo_video_analysis"
+READ_ME = "read_me"
+_HOW_TO_EDIT = (
+    "Shots may be edited: give one any setting of the look as on the command line, such as "
+    '"strength": 0.5 or "peak_nits": 600, or a "preset"; "enabled": false leaves it SDR, not '
+    "expanded at all; convert and preview read this file with --analysis"
+)
 
 
 @dataclass(frozen=True)
@@ -118,6 +124,7 @@ class Analysis:
         data["times_s"] = [str(time) for time in self.times_s]
         data["shots"] = [shot.to_row() for shot in self.shots]
         lines = [f" {json.dumps(FORMAT_NAME)}: {FORMAT}"]
+        lines.append(f" {json.dumps(READ_ME)}: {json.dumps(_HOW_TO_EDIT)}")
         for name, value in data.items():
             if name in ("shots", "suggestions"):
                 rows = ",\n".join(f"  {json.dumps(row, allow_nan=False)}" for row in value)

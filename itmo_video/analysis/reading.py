@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import fields
 from fractions import Fraction
@@ -10,6 +11,7 @@ from typing import Any
 from itmo_video.analysis.model import (
     FORMAT,
     FORMAT_NAME,
+    READ_ME,
     Analysis,
     Bars,
     Shot,
@@ -17,6 +19,7 @@ from itmo_video.analysis.model import (
     Suggestion,
 )
 from itmo_video.errors import InputError, UsageError
+from itmo_video.options import checked_path
 from itmo_video.output.atomic import StrPath
 from itmo_video.presets import check_own
 from itmo_video.settings import LOOK
@@ -26,7 +29,7 @@ _OF_SHOT = ("first", "last", "enabled", "statistics", "rendering")
 
 
 def read_analysis(path: StrPath) -> Analysis:
-    """Read the file `path`; raises InputError unless it is a whole and consistent analysis.
+    """Read the file `path`; raises UsageError unless it is a whole and consistent analysis.
 
     >>> from itmo_video import RunOptions, analyse, convert, read_analysis
     >>> from pathlib import Path
@@ -34,11 +37,15 @@ def read_analysis(path: StrPath) -> Analysis:
     >>> convert("clip.mkv", "out", run=RunOptions(analysis=read_analysis("shots.json"))).written
     3
     """
-    return parse_analysis(read_text(path), where=str(path))
+    try:
+        text = read_text(checked_path(path, "path"))
+    except InputError as error:
+        raise _bad(error.what, str(path)) from error
+    return parse_analysis(text, where=str(path))
 
 
 def parse_analysis(text: str, *, where: str) -> Analysis:
-    """Read JSON text; raises InputError, naming `where` and the entry, for the unexpected."""
+    """Read JSON text; raises UsageError, naming `where` and the entry, for the unexpected."""
     try:
         return _analysis(parse_json(text), where)
     except _WrongError as error:
@@ -51,8 +58,8 @@ class _WrongError(Exception):
     """What is wrong with the file's content."""
 
 
-def _bad(why: str, where: str) -> InputError:
-    return InputError(
+def _bad(why: str, where: str) -> UsageError:
+    return UsageError(
         f"not a valid analysis: {why}",
         where=where,
         remedy="Mend it, or make it again: itmo-video analyse INPUT --output FILE.json",
@@ -65,6 +72,7 @@ def _analysis(data: Any, where: str) -> Analysis:
     number = data.pop(FORMAT_NAME)
     if isinstance(number, bool) or number not in (1, FORMAT):
         raise _WrongError(f"its format is {number}, this version reads {FORMAT}")
+    data.pop(READ_ME, None)  # words for people
     names = [f.name for f in fields(Analysis) if f.name != "where"]
     _check_names(data, names, names, "the file")
     first, frames = _whole(data, "first_number"), _whole(data, "frames")
@@ -91,7 +99,11 @@ def _analysis(data: Any, where: str) -> Analysis:
 def _shot(entry: Any, position: int) -> Shot:
     place = f"shots[{position}]"
     if isinstance(entry, dict):
-        entry = {str(name).replace("-", "_"): value for name, value in entry.items()}
+        named = [str(name).replace("-", "_") for name in entry]
+        if len(set(named)) < len(named):
+            twice = Counter(named).most_common(1)[0][0]
+            raise _WrongError(f"{place}: {twice} is given twice, with - and with _")
+        entry = dict(zip(named, entry.values(), strict=True))
     _check_names(entry, (*_OF_SHOT, "preset", *LOOK), ["first", "last"], place)
     place = f"shot {entry['first']}-{entry['last']}"
     statistics = entry.get("statistics")

@@ -42,7 +42,7 @@ def _peak(statistics: Statistics) -> Suggestion | None:
 
 
 def _map(statistics: Statistics) -> tuple[Suggestion, ...]:
-    share = f"{FOR_THE_PAPER}: {statistics.clipped:.2%} of the pixels are clipped"
+    share = f"{FOR_THE_PAPER}: {statistics.clipped:.2%} of the pixels are at white"
     if statistics.clipped < FEW_CLIPPED:
         reason = f"{share}: nothing large is there to be overshot, so the paper's map suits"
         return Suggestion("radius", 16.0, reason), Suggestion("min_lights", 4, reason)

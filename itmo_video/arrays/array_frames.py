@@ -50,8 +50,17 @@ class ArrayFrames:
         """
         assert start == 0, "an iterable has only its start"
         size: tuple[int, int] | None = None
-        for index, picture in enumerate(self._pictures):
-            frame = self._frame(index, np.asarray(picture))
+        kind: np.dtype[Any] | None = None
+        for index, given in enumerate(self._pictures):
+            picture = np.asarray(given)
+            kind = kind or picture.dtype
+            if picture.dtype != kind:
+                raise UsageError(
+                    f"it is of {picture.dtype}, the first of {kind}",
+                    where=f"picture {index}",
+                    remedy="Codes and linear light are no one film: bring all to one form.",
+                )
+            frame = self._frame(index, picture)
             size = size or frame.size
             if frame.size != size:
                 raise DamagedInputError(
@@ -99,7 +108,9 @@ def _depth_of(picture: npt.NDArray[Any], bit_depth: int | None, where: str) -> i
             where=where,
             remedy="Codes are uint8 or uint16, linear light (SDR white = 1) is of floats.",
         )
-    depth = bit_depth or most
+    depth = most if bit_depth is None else bit_depth
+    if isinstance(depth, bool) or not isinstance(depth, int):
+        raise UsageError(f"bit_depth must be a whole number, not {bit_depth!r}")
     if not 8 <= depth <= most or (depth == 8) != (most == 8):
         raise UsageError(f"{picture.dtype} does not hold {depth} bits as codes do", where=where)
     if (top := int(picture.max())) >= 2**depth:

@@ -16,10 +16,11 @@ import numpy.typing as npt
 
 from itmo_video.arrays.array_frames import ArrayFrames
 from itmo_video.conversion.run_options import RunOptions
+from itmo_video.errors import UsageError
 from itmo_video.look import Look, make_look
 from itmo_video.model import Frame, Half, Primaries
 from itmo_video.motion.keyframes import Span
-from itmo_video.presets import make_settings
+from itmo_video.presets import as_settings
 from itmo_video.rendering import spans
 from itmo_video.rendering.frame import Rendered
 from itmo_video.rendering.opencv_threads import single_opencv_thread
@@ -50,7 +51,7 @@ class Expanded:
 
 def expand(
     rgb: npt.NDArray[Any],
-    settings: Settings | None = None,
+    settings: Settings | str | None = None,
     *,
     primaries: Primaries = "rec709",
     bit_depth: int | None = None,
@@ -74,7 +75,7 @@ def expand(
 
 def expand_frames(
     pictures: Iterable[npt.NDArray[Any]],
-    settings: Settings | None = None,
+    settings: Settings | str | None = None,
     *,
     primaries: Primaries = "rec709",
     bit_depth: int | None = None,
@@ -87,9 +88,9 @@ def expand_frames(
     white at 1. `primaries` are theirs. They are read ahead by a bounded window: some tens of
     frames, whatever the length. While the generator runs, OpenCV keeps to one thread.
 
-    Without `settings` it is by the preset `default`. Raises UsageError for settings or arrays that
-    do not fit, AlreadyHdrError for light above white, and DamagedInputError at the end of what
-    came before a picture of another size.
+    `settings` may be a preset's name; without them it is by `default`. Raises UsageError for
+    settings or arrays that do not fit, AlreadyHdrError for light above white, and DamagedInputError
+    at the end of what came before a picture of another size.
 
     >>> import numpy as np
     >>> from itmo_video import expand_frames
@@ -98,7 +99,9 @@ def expand_frames(
     >>> [(hdr.index, hdr.rgb.shape) for hdr in expand_frames(pan)]
     [(0, (64, 64, 3)), (1, (64, 64, 3)), (2, (64, 64, 3))]
     """
-    settings = settings or make_settings()
+    settings = as_settings(settings)
+    if not isinstance(pictures, Iterable):
+        raise UsageError(f"pictures must be a series of arrays, not {type(pictures).__name__}")
     frames = ArrayFrames(pictures, settings, primaries, bit_depth)
     return _expanded(
         frames, make_look(settings), RunOptions(jobs=jobs).jobs or spans.default_jobs()

@@ -9,6 +9,7 @@ import numpy as np
 
 from itmo_video.arrays.expand import Expanded
 from itmo_video.conversion.frame_ranges import format_ranges
+from itmo_video.options import checked_path
 from itmo_video.output.converted import Converted, ConvertedShot, open_converted, rgb_of
 from itmo_video.settings import Settings
 
@@ -86,4 +87,4 @@ def open_result(folder: str | Path) -> Result:
     >>> result.settings.white_nits
     203.0
     """
-    return Result(open_converted(Path(folder)))
+    return Result(open_converted(Path(checked_path(folder, "folder"))))

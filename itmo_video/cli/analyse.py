@@ -11,6 +11,7 @@ from itmo_video.cli.config_file import options_said, tell_config
 from itmo_video.cli.option_flags import add_options, given
 from itmo_video.cli.run_flags import OF_ANALYSE, add_telling, progress_of
 from itmo_video.cli.settings_flags import add_settings, settings_of
+from itmo_video.conversion.frame_ranges import parse_ranges
 from itmo_video.conversion.run_options import RunOptions
 from itmo_video.errors import UsageError
 from itmo_video.settings import Settings
@@ -78,6 +79,8 @@ def _metadata(args: argparse.Namespace, run: RunOptions) -> int:
 
     if args.output is not None:
         raise UsageError("metadata have files of their own", remedy="Leave --output out.")
+    if run.frames is not None:
+        raise UsageError("metadata are of the whole film", remedy="Leave --frames out.")
     if args.shots is not None and (run.analysis is not None or os.path.isdir(args.input)):
         raise UsageError("--shots is for clips, without --analysis", remedy="Leave it out.")
     settings = None
@@ -134,6 +137,7 @@ def _analyse_to(args: argparse.Namespace, settings: Settings, run: RunOptions) -
     analysis = analyse(
         args.input,
         settings,
+        frames=None if run.frames is None else parse_ranges(run.frames),
         start_number=run.start_number,
         max_pixels=run.max_pixels,
         edit=args.shots,
@@ -163,7 +167,7 @@ def in_words(analysis: Analysis) -> str:
         f"{counted(analysis.frames, 'frame')}, {counted(len(analysis.shots), 'shot')}, "
         f"{counted(len(analysis.keyframes), 'keyframe')}",
         f"luminance: mean {statistics.mean:.3f}, median {statistics.p50:.3f}, "
-        f"99 % {statistics.p99:.3f}; {statistics.clipped:.2%} clipped",
+        f"99 % {statistics.p99:.3f}; {statistics.clipped:.2%} of the pixels at white or within 1 %",
     ]
     if any((bars.left, bars.right, bars.top, bars.bottom)):
         lines.append(

@@ -78,7 +78,9 @@ def _convert(args: argparse.Namespace) -> int:
     for source, output, frames in found.conversions:
         run = replace(asked, frames=frames if asked.frames is None else asked.frames)
         try:
-            _convert_one(args, source, output, settings, run)
+            _convert_one(
+                args, source, output, settings, run, None if len(found.conversions) == 1 else source
+            )
             if kinds and not (args.verify or args.dry_run):
                 from itmo_video.delivery.side_files import write_side_files
 
@@ -103,7 +105,12 @@ def _side_files(text: str | None, settings: Settings, run: RunOptions) -> list[s
 
 
 def _convert_one(
-    args: argparse.Namespace, source: str, output: str, settings: Settings, run: RunOptions
+    args: argparse.Namespace,
+    source: str,
+    output: str,
+    settings: Settings,
+    run: RunOptions,
+    about: str | None,
 ) -> None:
     from itmo_video.conversion import checking
     from itmo_video.conversion.convert import convert
@@ -138,7 +145,7 @@ def _convert_one(
     page = ReportOptions(clip=Path(source), overwrite=run.overwrite)
     if args.report and os.path.isdir(output):
         report_gate(Path(output), page, None).check()
-    progress = progress_of(args)
+    progress = progress_of(args, about)
     progress.detail(in_words(settings))
     damage: DamagedInputError | None = None
     try:

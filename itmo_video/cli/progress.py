@@ -21,6 +21,7 @@ class Progress:
     """Tells events: as JSON on standard output, else on standard error, with a bar on terminals.
 
     `is_verbose` tells each frame in a line of its own, and so does `log`, whatever is quiet.
+    `about` is the input that notices are of, where a command has several.
     """
 
     def __init__(
@@ -31,9 +32,11 @@ class Progress:
         stream: TextIO | None = None,
         is_verbose: bool = False,
         log: LogFile | None = None,
+        about: str | None = None,
     ) -> None:
         self._as_json, self._quiet, self._is_verbose = as_json, quiet, is_verbose
         self._log = log
+        self._about = f"{about}: " if about else ""
         self._stream = stream or sys.stderr
         self._has_bar = self._stream.isatty() and not (quiet or is_verbose)
         self._began = time.monotonic()
@@ -56,7 +59,7 @@ class Progress:
                             f"{' as they come' if not frames else ''}{there}")  # fmt: skip
                 self._draw(0, frames - present)
             case Warned(message):
-                self._say(message, "yellow")
+                self._say(f"{self._about}{message}", "yellow")
             case FrameDone(number, done, of):
                 self.detail(f"frame {number}: {done}{f' of {of}' if of else ''}")
                 self._draw(done, of)

@@ -11,8 +11,8 @@ from itmo_video.conversion.run_options import RunOptions
 if TYPE_CHECKING:
     from itmo_video.cli.progress import Progress
 
-OF_ANALYSE = ("start_number", "max_pixels", "overwrite", "jobs", "analysis")
-OF_PREVIEW = ("frames", *OF_ANALYSE)
+OF_ANALYSE = ("frames", "start_number", "max_pixels", "overwrite", "jobs", "analysis")
+OF_PREVIEW = OF_ANALYSE
 
 
 def add_run_options(parser: argparse.ArgumentParser) -> None:
@@ -54,11 +54,11 @@ def add_telling(group: Any, *, has_json: bool = True) -> None:
         )
 
 
-def progress_of(args: argparse.Namespace) -> Progress:
-    """Who tells events as the flags of `add_telling` ask for."""
+def progress_of(args: argparse.Namespace, about: str | None = None) -> Progress:
+    """Who tells events as the flags of `add_telling` ask for; `about` is the input of several."""
     from itmo_video.cli.progress import Progress
 
     return Progress(
         as_json=getattr(args, "json", False), quiet=args.quiet, is_verbose=args.verbose,
-        log=args.log_file,
+        log=args.log_file, about=about,
     )  # fmt: skip

@@ -19,6 +19,7 @@ from itmo_video.conversion.convert import Executor, Job, Summary
 from itmo_video.errors import ClusterError, DamagedInputError, ItmoError, UsageError
 from itmo_video.events import FrameDone, OnEvent
 from itmo_video.rendering.spans import default_jobs
+from itmo_video.words import to_install
 
 if TYPE_CHECKING:
     from distributed import Client
@@ -37,7 +38,7 @@ def cluster_executor(address: str, tls: Tls | None = None) -> Executor:
         import distributed  # noqa: F401 - only whether it is there
     except ImportError as error:
         raise UsageError(
-            "--scheduler needs Dask distributed", remedy="pip install 'itmo_video[cluster]'"
+            "--scheduler needs Dask distributed", remedy=to_install("cluster")
         ) from error
     check_address(address)
     security = security_for(address, tls or Tls())

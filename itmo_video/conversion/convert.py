@@ -19,10 +19,11 @@ from itmo_video.errors import DamagedInputError, OutputError, UsageError
 from itmo_video.events import Finished, FrameDone, OnEvent, Started, Warned, ignore
 from itmo_video.look import make_look
 from itmo_video.model import Frame, Half
+from itmo_video.options import checked, checked_path
 from itmo_video.output import disk_space, exr
 from itmo_video.output.folder import OutputFolder
 from itmo_video.output.folder_names import check_folder_name
-from itmo_video.presets import make_settings
+from itmo_video.presets import as_settings
 from itmo_video.rendering import spans
 from itmo_video.rendering.frame import Rendered
 from itmo_video.settings import Settings
@@ -71,14 +72,14 @@ Executor = Callable[[Job, Summary, OnEvent], list[DamagedInputError]]
 def convert(
     source: str | Path,
     output: str | Path,
-    settings: Settings | None = None,
+    settings: Settings | str | None = None,
     run: RunOptions | None = None,
     on_event: OnEvent = ignore,
     executor: Executor | None = None,
 ) -> Summary:
     """Convert a clip to an EXR sequence OUTPUT/<stem>.%04d.exr; what is there already stays.
 
-    Without `settings` it is by the preset `default`, as on the command line. `on_event` is told
+    `settings` may be a preset's name; without them it is by `default`. `on_event` is told
     Started, FrameDone, Warned and Finished (itmo_video.events); frames come from worker threads,
     one at a time. `executor` renders elsewhere than here. Raises the errors of itmo_video.errors;
     DamagedInputError only after all that decodes was written, OutputError for single frames of
@@ -90,7 +91,8 @@ def convert(
     >>> summary.written, summary.missing
     (2, [])
     """
-    settings, run = settings or make_settings(), run or RunOptions()
+    settings, run = as_settings(settings), checked(run, RunOptions, "run")
+    source, output = checked_path(source, "source"), checked_path(output, "output")
     check_folder_name(output, source)
     if is_pipe(source):
         from itmo_video.conversion.from_pipe import convert_pipe  # it needs this module's names

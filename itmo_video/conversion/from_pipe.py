@@ -61,7 +61,9 @@ def pipe_plan(clip: PipeClip, look: Look, run: RunOptions) -> Plan:
     wide = 1 if info.encoding.bit_depth == 8 else 2
     memory = spans.memory_bound_bytes(*info.display_size, wide, look, jobs)
     numbers = NumbersFrom(first_number(run))
-    return Plan(info, look, numbers, first_number(run), memory, jobs, notices=info.notices)
+    return Plan(
+        info, look, numbers, first_number(run), memory, jobs, notices=(*info.notices, *look.notices)
+    )
 
 
 def wanted_indices(run: RunOptions) -> range | list[int]:

@@ -161,7 +161,9 @@ def make_plan(clip: Clip, look: Look, run: RunOptions) -> Plan:
     shots = shot_looks(info, look.settings, run.analysis)
     looks = (look, *(shot.look for shot in shots))
     memory = max(spans.memory_bound_bytes(width, height, wide, own, jobs) for own in looks)
-    notices = (*info.notices, *_no_timecode(info), *_left_out(numbers, first, run.analysis))
+    notices = (
+        *info.notices, *look.notices, *_no_timecode(info), *_left_out(numbers, first, run.analysis)
+    )  # fmt: skip
     return Plan(info, look, numbers, first, memory, jobs, shots, notices, info.frames)
 
 

@@ -27,6 +27,13 @@ MUXERS = {".mp4": "mp4", ".m4v": "mp4", ".mov": "mov", ".mkv": "matroska"}
 DEFAULT_CRF: dict[str, int] = {"av1": 25, "hevc": 18}
 HIGH_CRF: dict[str, float] = {"av1": 1, "hevc": 1}  # nits within 2 % in the median, dark ones too
 DEFAULT_SPEED: dict[str, str] = {"av1": "5", "hevc": "fast"}
+SPEEDS: dict[str, tuple[str, ...]] = {
+    "av1": tuple(map(str, range(14))),
+    "hevc": (
+        "ultrafast", "superfast", "veryfast", "faster", "fast", "medium", "slow", "slower",
+        "veryslow", "placebo",
+    ),
+}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -59,6 +66,16 @@ def default_chroma(codec: Codec) -> Chroma:
 def pixel_format(chroma: Chroma) -> str:
     """FFmpeg's name of planar Y'CbCr in 10 bits."""
     return f"yuv{chroma}p10le"
+
+
+def check_speed(codec: Codec, speed: str | None) -> None:
+    """Raise UsageError for what is no preset of the codec's encoder."""
+    known = SPEEDS.get(codec, ())
+    if speed is not None and speed not in known:
+        raise UsageError(
+            f"--speed {speed}: {codec} has no such preset",
+            remedy=f"Known: {', '.join(known)}." if known else "Leave --speed out.",
+        )
 
 
 def check_film(path: Path, spec: FilmSpec) -> None:

@@ -10,7 +10,13 @@ from pathlib import Path
 
 from itmo_video.conversion.run_options import RunOptions
 from itmo_video.delivery import hdr
-from itmo_video.delivery.film_spec import HIGH_CRF, FilmSpec, check_film, default_chroma
+from itmo_video.delivery.film_spec import (
+    HIGH_CRF,
+    FilmSpec,
+    check_film,
+    check_speed,
+    default_chroma,
+)
 from itmo_video.delivery.film_writer import FilmWriter
 from itmo_video.delivery.hdr import Light
 from itmo_video.delivery.pictures import Pictures
@@ -111,6 +117,7 @@ def check_film_options(output: Path, options: PreviewOptions) -> None:
     if not is_y4m(output):
         if options.depth != "10":
             raise UsageError("films have 10 bits", remedy="8 bits are for .y4m.")
+        check_speed(options.codec, options.speed)
         return
     if options.crf is not None or options.speed is not None:
         raise UsageError("y4m is not compressed", remedy="Leave --crf and --speed to the encoder.")

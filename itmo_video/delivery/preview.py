@@ -20,10 +20,11 @@ from itmo_video.delivery.views import check_view
 from itmo_video.delivery.y4m import is_stream_output
 from itmo_video.errors import DamagedInputError, UsageError
 from itmo_video.events import Finished, OnEvent, Started, Warned, ignore
+from itmo_video.options import checked, checked_path
 from itmo_video.output.converted import open_converted
 from itmo_video.output.gate import FILM, STILL, Gate
 from itmo_video.output.manifest import read_manifest
-from itmo_video.presets import make_settings
+from itmo_video.presets import as_settings
 from itmo_video.settings import Settings
 from itmo_video.source.opening import input_files
 from itmo_video.source.pipe import is_pipe
@@ -49,7 +50,7 @@ class PreviewSummary:
 def preview(
     source: str | Path,
     output: str | Path,
-    settings: Settings | None = None,
+    settings: Settings | str | None = None,
     run: RunOptions | None = None,
     options: PreviewOptions | None = None,
     on_event: OnEvent = ignore,
@@ -65,8 +66,8 @@ def preview(
     >>> preview("clip.mkv", "frame.jpg", options=PreviewOptions(frame=2)).frames
     1
     """
-    options, run = options or PreviewOptions(), run or RunOptions()
-    source, output = Path(source), Path(output)
+    options, run = checked(options, PreviewOptions, "options"), checked(run, RunOptions, "run")
+    source, output = Path(checked_path(source, "source")), Path(checked_path(output, "output"))
     options = replace(options, view=options.view or "hdr10")
     began = time.monotonic()
     is_still = output.suffix.lower() in STILLS
@@ -91,7 +92,7 @@ def preview(
         pictures = from_folder(converted, clip, run)
         pictures.clip = options.clip
     else:
-        pictures = from_clip(source, settings or make_settings(), run)
+        pictures = from_clip(source, as_settings(settings), run)
     if options.view == "compare" and source.is_dir() and options.clip is None:
         raise UsageError("compare needs the source", remedy="Say where it is: --source CLIP.")
     for notice in pictures.notices:

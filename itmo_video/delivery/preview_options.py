@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-from itmo_video.options import check_options, option
+from itmo_video.errors import UsageError
+from itmo_video.options import check_options, flag_of, option
 
 View = Literal["hdr10", "hlg", "sdr", "compare", "false-colour", "ladder", "acescct", "logc3"]
 OF_VIEW = (
     "view", "frame", "tone_map", "display_peak", "exposure", "layout", "wipe_at",
     "hdr_compare", "no_labels", "scale", "clip",
 )  # fmt: skip
+_OF_ONE_VIEW = {
+    "layout": "compare", "wipe_at": "compare", "hdr_compare": "compare", "scale": "false-colour",
+}  # fmt: skip
 OF_ENCODING = ("no_audio", "codec", "chroma", "depth", "crf", "speed")
 
 
@@ -89,3 +94,9 @@ class PreviewOptions:
 
     def __post_init__(self) -> None:
         check_options(self)
+        for f in dataclasses.fields(self):
+            view = _OF_ONE_VIEW.get(f.name)
+            if view and self.view != view and getattr(self, f.name) != f.default:
+                raise UsageError(f"{flag_of(f)} is for --as {view} only", remedy="Leave it out.")
+        if self.hdr_compare and self.tone_map != "bt2390":
+            raise UsageError("in-hdr shows HDR as it is", remedy="Leave --tone-map out.")

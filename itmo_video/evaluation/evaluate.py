@@ -12,6 +12,7 @@ from itmo_video.evaluation.evaluate_options import EvaluateOptions
 from itmo_video.evaluation.ibl import Lighting
 from itmo_video.evaluation.sequence import ShotFlicker
 from itmo_video.events import OnEvent, Warned, ignore
+from itmo_video.options import checked, checked_path
 from itmo_video.output.gate import FILM, Gate
 from itmo_video.output.manifest import read_manifest
 from itmo_video.source.opening import input_files
@@ -54,7 +55,7 @@ def evaluate(test: str | Path, options: EvaluateOptions, on_event: OnEvent = ign
     >>> 0 <= found.figures["gain_flicker"] < 0.1
     True
     """
-    test = Path(test)
+    test, options = Path(checked_path(test, "test")), checked(options, EvaluateOptions, "options")
     if test.is_dir():
         for notice in folders.open_sequence(test).notices:
             on_event(Warned(notice))

@@ -16,6 +16,7 @@ import numpy.typing as npt
 from itmo_video.colour.primaries import LUMINANCE_WEIGHTS_BT709
 from itmo_video.errors import UsageError
 from itmo_video.model import Float32, Float64
+from itmo_video.words import to_install
 
 Floats: TypeAlias = npt.NDArray[np.floating[Any]]
 Mask: TypeAlias = npt.NDArray[np.bool_]
@@ -64,7 +65,7 @@ def require_mitsuba() -> Any:
     except ImportError as error:
         raise UsageError(
             f"image-based lighting needs Mitsuba, which cannot be imported ({error})",
-            remedy='Install it: pip install "itmo_video[ibl]"',
+            remedy=to_install("ibl"),
         ) from error
     return mitsuba
 

@@ -24,6 +24,7 @@ from itmo_video.errors import UsageError
 from itmo_video.evaluation.agreement import Display
 from itmo_video.evaluation.fidelity import DARKEST_NITS
 from itmo_video.model import Code, Float32
+from itmo_video.words import to_install
 
 CONTRAST = 1e6  # of the display
 AMBIENT_LUX = 5.0
@@ -154,7 +155,7 @@ def _import() -> Any:
     except ImportError as error:
         raise UsageError(
             f"ColorVideoVDP cannot be imported ({error})",
-            remedy='Install it: pip install "itmo_video[vdp]"',
+            remedy=to_install("vdp"),
         ) from error
     return pycvvdp
 

@@ -21,12 +21,13 @@ from itmo_video.html_report import embed, measure, plots
 from itmo_video.html_report.measure import FilmFacts, Measured
 from itmo_video.html_report.report_options import ReportOptions
 from itmo_video.html_report.viewer_data import MAX_WIDTH, import_map, viewer_data
+from itmo_video.options import checked, checked_path
 from itmo_video.output.converted import Converted, open_converted, peak_nits_of
 from itmo_video.output.gate import PAGE, Gate
 from itmo_video.output.manifest import Manifest
 from itmo_video.source.facts import clip_facts
 from itmo_video.source.opening import input_files
-from itmo_video.words import counted
+from itmo_video.words import counted, to_install
 
 MAX_FRAMES = 240
 MOST_SHOTS = 40  # whose rendering is told
@@ -50,7 +51,10 @@ def report(
     'report.html'
     """
     require_templates()
-    folder, options = Path(folder), options or ReportOptions()
+    folder, options = (
+        Path(checked_path(folder, "folder")),
+        checked(options, ReportOptions, "options"),
+    )
     converted, clip = open_converted(folder), options.clip
     gate = report_gate(folder, options, converted.manifest)
     gate.check()
@@ -291,7 +295,7 @@ def _templates() -> Any:
     except ImportError as error:
         raise UsageError(
             "reports need the template engine jinja2, which is not installed",
-            remedy="pip install 'itmo_video[report]'",
+            remedy=to_install("report"),
         ) from error
     return jinja2.Environment(
         loader=jinja2.PackageLoader("itmo_video.html_report", "template"),

@@ -240,5 +240,25 @@ def _differences(old: Mapping[str, object], new: Mapping[str, object]) -> list[s
     # Folders of before it was recorded are told by their frames' fingerprints.
     names = sorted((old.keys() | new.keys()) - ({"algorithm"} - old.keys()))
     pairs = ((name, show(old, name), show(new, name)) for name in names)
-    changed = [f"{name} {was[:40]} -> {now[:40]}" for name, was, now in pairs if was != now]
+    changed = [
+        _shots_changed(old, new) if name == "shots" else f"{name} {was[:40]} -> {now[:40]}"
+        for name, was, now in pairs
+        if was != now
+    ]
     return [*changed[:4], f"and {len(changed) - 4} more"] if len(changed) > 4 else changed
+
+
+def _shots_changed(old: Mapping[str, object], new: Mapping[str, object]) -> str:
+    """Which frames' shots differ, by the numbers of their files."""
+    first, rows = new.get("first_number", 1), list[str]()
+    both = [
+        {json.dumps(shot): shot for shot in shots} if isinstance(shots, list) else {}
+        for shots in (old.get("shots", []), new.get("shots", []))
+    ]
+    for text in sorted(both[0].keys() ^ both[1].keys()):
+        match both[0].get(text, both[1].get(text)), first:
+            case [int(begin), int(end), _], int(start):
+                rows.append(f"{begin + start}-{end + start}")
+    told = sorted(set(rows), key=lambda text: int(text.split("-")[0]))
+    more = f" and {len(told) - 3} more" if len(told) > 3 else ""
+    return f"shots of frames {', '.join(told[:3])}{more}"

@@ -11,6 +11,7 @@ from types import MappingProxyType
 
 from itmo_video.errors import UsageError
 from itmo_video.model import ClipInfo, Frame
+from itmo_video.words import counted
 
 _ROUNDING_S = Fraction(1, 1000)  # Matroska's stamps are rounded to whole milliseconds
 
@@ -27,6 +28,11 @@ class Clip:
     info: ClipInfo
     faults: Mapping[int, str] = MappingProxyType({})  # by index, why frames do not decode
     reads_once = False  # a pipe: `frames` works once, from 0 on
+
+    def __repr__(self) -> str:
+        width, height = self.info.display_size
+        count = counted(self.info.frames, "frame")
+        return f"<{type(self).__name__} {self.info.path!r}: {count}, {width}x{height}>"
 
     def frames(self, start: int = 0) -> Iterator[Frame]:
         """Yield the frames from index `start` on, in presentation order, the same whatever `start`.

@@ -25,6 +25,12 @@ def check_file(path: Path) -> None:
             where=str(path),
             remedy="For an image sequence give its pattern, such as folder/img.%04d.png.",
         )
+    if any(mark in path.name for mark in "*?[") and not os.path.lexists(path):
+        raise InputError(
+            "no such file, and no shell filled in its pattern",
+            where=str(path),
+            remedy="Leave the quotes out, or name a sequence by its digits: img.%04d.png.",
+        )
     with open_regular(path) as file:
         if os.fstat(file.fileno()).st_size == 0:
             raise InputError("the file is empty", where=str(path))

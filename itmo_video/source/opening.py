@@ -6,8 +6,9 @@ import os
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from itmo_video.errors import DamagedInputError, InputError
+from itmo_video.errors import DamagedInputError, InputError, UsageError
 from itmo_video.model import Frame
+from itmo_video.options import checked, checked_path
 from itmo_video.regular_file import read_regular
 from itmo_video.settings import Settings
 from itmo_video.source import files
@@ -32,7 +33,14 @@ def open_clip(path: str | Path, options: InputOptions | None = None) -> Clip:
     ...     clip.info.display_size, [frame.index for frame in clip.frames()]
     ((96, 64), [0, 1, 2])
     """
-    options = options or InputOptions()
+    options, path = checked(options, InputOptions, "options"), checked_path(path, "path")
+    if options.raw is not None:
+        raise UsageError(
+            "raw frames come through a pipe, and this is a file",
+            where=os.fspath(path),
+            remedy="Pipe it in (itmo-video convert - OUTPUT_DIR --raw ... < FILE), or leave --raw"
+            " out.",
+        )
     absolute = Path(os.path.abspath(path))
     clip: Clip
     if not os.path.lexists(absolute) and is_pattern(absolute):

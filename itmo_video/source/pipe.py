@@ -35,10 +35,11 @@ from itmo_video.source.stream_facts import CAPTURES, facts_at
 from itmo_video.source.streams import choose_video
 from itmo_video.source.tags import InputOptions
 from itmo_video.source.video import VideoClip
+from itmo_video.untrusted import parse_rational
 
 STANDARD_INPUT = "-"
 _BUFFER_BYTES = 1 << 20
-_RAW = re.compile(r"(?P<form>[a-z0-9]+):(?P<size>\d+x\d+):(?P<rate>\d+(?:/\d+|\.\d+)?)")
+_RAW = re.compile(r"(?P<form>[a-z0-9]+):(?P<size>\d{1,6}x\d{1,6}):(?P<rate>\d+(?:/\d+|\.\d+)?)")
 _REMEDY = "Pipe y4m, Matroska, NUT or MPEG-TS; MP4 cannot be read from a pipe unless made for it."
 
 
@@ -70,6 +71,8 @@ class PipeClip(VideoClip):
             raise UsageError(
                 "a pipe cannot be resampled", remedy="Do it before: ffmpeg ... -r 25 -f nut -"
             )
+        if options.raw is not None:
+            raw_format(options.raw)  # before anything of the stream is taken
         self._input = _Input(name)
         self._where = "standard input" if name == STANDARD_INPUT else name
         try:
@@ -216,12 +219,20 @@ def raw_format(text: str) -> tuple[str, str, str]:
         is_known = found is not None and av.VideoFormat(found["form"]) is not None
     except ValueError:
         is_known = False
-    if found is None or not is_known:
+    sizes = [] if found is None else [int(n) for n in found["size"].split("x")]
+    if found is None or not is_known or 0 in sizes or not _is_rate(found["rate"]):
         raise UsageError(
             f"raw must be FORMAT:WIDTHxHEIGHT:FPS, not {text!r}",
             remedy="Such as yuv420p:1920x1080:25 or yuv422p10le:1920x1080:30000/1001.",
         )
     return found["form"], found["size"], found["rate"]
+
+
+def _is_rate(text: str) -> bool:
+    try:
+        return 0 < parse_rational(text) <= 1000
+    except ValueError:
+        return False
 
 
 @dataclass(frozen=True)

@@ -12,6 +12,7 @@ from itmo_video.errors import UsageError
 from itmo_video.studio.desk import Desk
 from itmo_video.studio.document import Document
 from itmo_video.studio.studio_options import StudioOptions
+from itmo_video.words import to_install
 
 
 def serve(
@@ -35,7 +36,7 @@ def serve(
     except ImportError as error:
         raise UsageError(
             f"the studio needs {error.name}, which is not installed",
-            remedy="pip install 'itmo_video[studio]'",
+            remedy=to_install("studio"),
         ) from error
     folder = options.folder.resolve()
     if not folder.is_dir():
