@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any, Protocol, TypeVar, runtime_checkable
 
 from itmo_video.errors import UsageError
+from itmo_video.words import cut
 
 T = TypeVar("T")
 
@@ -54,14 +55,18 @@ class Spec:
         if self.kind is Path and isinstance(value, str | os.PathLike):
             value = Path(value)
         if not isinstance(value, self.kind) or (self.kind is int and isinstance(value, bool)):
-            raise UsageError(f"{name} must be {self._kind_in_words}, not {value!r}")
+            raise UsageError(f"{name} must be {self._kind_in_words}, not {cut(repr(value), 60)}")
         if self.choices and value not in self.choices:
-            raise UsageError(f"{name} must be one of {', '.join(self.choices)}, not {value!r}")
+            raise UsageError(
+                f"{name} must be one of {', '.join(self.choices)}, not {cut(repr(value), 60)}"
+            )
         if isinstance(value, int | float) and not isinstance(value, bool):
             low = self.lower if self.lower is not None else float("-inf")
             high = self.upper if self.upper is not None else float("inf")
             if not low <= value <= high:
-                raise UsageError(f"{name} must be {self.bounds_in_words}, not {value!r}")
+                raise UsageError(
+                    f"{name} must be {self.bounds_in_words}, not {cut(repr(value), 60)}"
+                )
         return value
 
     @property
@@ -138,7 +143,7 @@ def options_from(kind: type[T], values: Mapping[str, Any], what: str = "option")
     known = {f.name for f in dataclasses.fields(kind)}  # type: ignore[arg-type]  # a dataclass
     if unknown := sorted(set(values) - known):
         raise UsageError(
-            f"unknown {what} {', '.join(unknown)}", remedy=f"Known: {', '.join(sorted(known))}"
+            f"unknown {what} {cut(', '.join(unknown))}", remedy=f"Known: {', '.join(sorted(known))}"
         )
     return kind(**values)
 

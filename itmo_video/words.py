@@ -8,6 +8,11 @@ def counted(count: int, noun: str) -> str:
     return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
 
 
+def cut(text: str, most: int = 300) -> str:
+    """Text that quotes what others wrote, of `most` characters: its middle is left out."""
+    return text if len(text) <= most else f"{text[: most // 2]} ... {text[-most // 3 :]}"
+
+
 def to_install(extra: str) -> str:
     """How to install an extra: from where the package itself came, which is no index."""
     return f"Install itmo_video[{extra}] from its source folder: pip install '.[{extra}]'"

@@ -15,6 +15,7 @@ from itmo_video.analysis.model import Analysis
 from itmo_video.errors import InputError, UsageError
 from itmo_video.model import ClipInfo
 from itmo_video.untrusted import read_json, read_text
+from itmo_video.words import to_install
 
 SUFFIXES = (".otio", ".edl")
 _NEAR = Fraction(1, 100)  # of a frame: times of other rates fall between frames
@@ -108,9 +109,7 @@ def _otio() -> Any:
     try:
         import opentimelineio
     except ImportError as error:
-        raise UsageError(
-            "edit lists need opentimelineio", remedy="pip install 'itmo_video[otio]'"
-        ) from error
+        raise UsageError("edit lists need opentimelineio", remedy=to_install("otio")) from error
     return opentimelineio
 
 

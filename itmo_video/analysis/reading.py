@@ -24,6 +24,7 @@ from itmo_video.output.atomic import StrPath
 from itmo_video.presets import check_own
 from itmo_video.settings import LOOK
 from itmo_video.untrusted import parse_json, parse_rational, read_text
+from itmo_video.words import cut
 
 _OF_SHOT = ("first", "last", "enabled", "statistics", "rendering")
 
@@ -60,7 +61,7 @@ class _WrongError(Exception):
 
 def _bad(why: str, where: str) -> UsageError:
     return UsageError(
-        f"not a valid analysis: {why}",
+        f"not a valid analysis: {cut(why)}",
         where=where,
         remedy="Mend it, or make it again: itmo-video analyse INPUT --output FILE.json",
     )
