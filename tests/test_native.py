@@ -21,6 +21,7 @@ from itmo_video.motion import flow
 from itmo_video.operators.auto import expand_auto, gain_auto
 from itmo_video.operators.base import Context
 from itmo_video.operators.photographic import gain_banterle2006
+from itmo_video.operators.ramps import ramps
 from itmo_video.output import exr
 from itmo_video.rendering.frame import expand, render
 from itmo_video.rendering.guidance import Guidance
@@ -283,6 +284,15 @@ def test_expand_auto_is_the_picture_times_its_gains(by_libraries, curve, strengt
     apart = found[0].view(np.int16).astype(int) - found[1].view(np.int16)
     assert np.abs(apart).max() <= 1
     assert np.count_nonzero(apart) <= apart.size / 1000
+
+
+@compiled
+def test_ramps_to_the_bit(by_libraries):
+    values = np.random.default_rng(18).uniform(-0.2, 1.2, (9, 70, 3)).astype(np.float32)
+    ours = ramps(values, 0.8, 0.93)
+    assert np.array_equal(ours, by_libraries(ramps, values, 0.8, 0.93))
+    assert ours.min() == 0
+    assert ours.max() == 1
 
 
 @compiled

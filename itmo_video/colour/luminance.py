@@ -57,6 +57,12 @@ def frame_luminance(frame: Frame) -> Float32:
     return luminance
 
 
+def greatest_of(rgb: Float32) -> Float32:
+    """The greatest channel at each place of (H, W, 3): float32 (H, W)."""
+    red, green, blue = cv2.split(rgb)  # NumPy's max along an axis of three takes ten times as long
+    return np.asarray(cv2.max(cv2.max(red, green), blue), np.float32).reshape(rgb.shape[:2])
+
+
 def frame_rgb_small(frame: Frame, size: tuple[int, int]) -> Float32:
     """Linear RGB of a frame, area-averaged to (width, height): float32 (H, W, 3) in [0, 1]."""
     width, height = frame.size

@@ -140,6 +140,16 @@ INLINE int gain_block(const float *const *rgb, const float *ratio, const float *
     return 3;
 }
 
+/* See native.ramps. */
+CLONED void itmo_ramps(const float *values, float low, float scale, int64_t count,
+                       float *restrict out)
+{
+    for (int64_t x = 0; x < count; x++) {
+        float t = between((values[x] - low) * scale, 0, 1);
+        out[x] = t * t * (3 - 2 * t);
+    }
+}
+
 /* A block's part of a strip: where its planes begin. */
 INLINE void begin(const float *const *planes, int count, int64_t at, const float **out)
 {

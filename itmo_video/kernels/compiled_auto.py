@@ -25,6 +25,14 @@ class GainAuto(NamedTuple):
     l_max: float
 
 
+def ramps(loaded: ctypes.CDLL, values: Float32, low: float, high: float) -> Float32:
+    """`operators.ramps.ramps`: a new array."""
+    values = whole(values)
+    out = np.empty_like(values)
+    loaded.itmo_ramps(values, low, 1 / (high - low), values.size, out)
+    return out
+
+
 def gain_auto(
     loaded: ctypes.CDLL,
     rgb: Sequence[Float32],

@@ -55,6 +55,7 @@ void itmo_gain_auto(const float *red, const float *green, const float *blue, con
     const float *map_red, const float *map_green, const float *map_blue, const float *map_curve,
     const float *n, int64_t count, float *restrict out_red, float *restrict out_green,
     float *restrict out_blue);
+void itmo_ramps(const float *values, float low, float scale, int64_t count, float *restrict out);
 void itmo_expand_auto(const float *red, const float *green, const float *blue, const float *ratio,
     const float *map_red, const float *map_green, const float *map_blue, const float *map_curve,
     const float *n, float strength, int64_t count, uint16_t *restrict out_red,

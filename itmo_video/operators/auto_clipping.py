@@ -11,6 +11,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
+from itmo_video.colour.luminance import greatest_of
 from itmo_video.model import Float32
 from itmo_video.operators.ramps import ramps
 
@@ -36,7 +37,7 @@ def known_clipped(rgb_linear: Float32) -> Float32:
     known = cv2.dilate(ramps(share, KNOWN_FROM, KNOWN_WHOLLY), np.ones((3, 3), np.uint8))
     known = _blurred(known, 1).reshape(shape)
     near = ramps(cv2.blur(rgb_linear, (3, 3)).reshape(shape), NEAR_FROM, NEAR_WHOLLY)
-    return np.asarray(np.maximum(known, near * known.max(axis=-1, keepdims=True)), np.float32)
+    return np.asarray(np.maximum(known, near * greatest_of(known)[..., None]), np.float32)
 
 
 def decided_together(stops: Float32, rgb_linear: Float32) -> Float32:
@@ -47,9 +48,9 @@ def decided_together(stops: Float32, rgb_linear: Float32) -> Float32:
     """
     height, width = rgb_linear.shape[:2]
     size = (max(1, width // 4), max(1, height // 4))
-    bright = _small(ramps(rgb_linear.max(axis=-1), NEAR_FROM, NEAR_WHOLLY), size)
+    bright = _small(ramps(greatest_of(rgb_linear), NEAR_FROM, NEAR_WHOLLY), size)
     clips = _small(ramps(rgb_linear, CLIPS_FROM, CLIPS_WHOLLY), size)
-    share = _share(clips, bright[..., None], FAR_AROUND_PX / 4).max(axis=-1)
+    share = greatest_of(_share(clips, bright[..., None], FAR_AROUND_PX / 4))
     share = cv2.resize(share, (width, height), interpolation=cv2.INTER_LINEAR)
     share = np.asarray(share, np.float32).reshape(height, width, 1)
     decided = ramps(share, DECIDED_FROM, DECIDED_WHOLLY)

@@ -18,7 +18,7 @@ import numpy as np
 
 from itmo_video.colour import linear_light
 from itmo_video.colour.analysis_picture import analysis_size
-from itmo_video.colour.luminance import luminance_of
+from itmo_video.colour.luminance import greatest_of, luminance_of
 from itmo_video.model import Float32, Frame
 from itmo_video.operators.ramps import ramp, ramps
 
@@ -88,7 +88,7 @@ def rendering_of(rgb_linear: Float32, footage: str = "auto") -> Rendering:
 
     `footage` is the setting of that name: other than "auto" it says what a person knows.
     """
-    greatest = rgb_linear.max(axis=-1)
+    greatest = greatest_of(rgb_linear)
     clipped = greatest >= np.float32(CLIPPED_FROM)
     bright = (greatest >= np.float32(BRIGHT_FROM)) & ~clipped
     middle, white = np.quantile(greatest, (0.5, WHITE_SHARE))
@@ -131,7 +131,7 @@ def curve_weight(rgb_linear: Float32, rendering: Rendering, lamps: float) -> Flo
     weight += np.float32(0.5 * (1 + night))
     dark = max(night, min(lamps - 1, 1.0))  # who asks for more lamps gets them by day, too
     if lamps > 0 and dark > 0:
-        weight += np.float32(lamps * dark) * small_lights(rgb_linear.max(axis=-1))
+        weight += np.float32(lamps * dark) * small_lights(greatest_of(rgb_linear))
     weight *= np.float32(tone_mapped / GREATEST_WEIGHT)
     return np.asarray(np.minimum(weight, 1), np.float32)
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from itmo_video.kernels import compiled_auto
+from itmo_video.kernels.dispatch import with_compiled_form
 from itmo_video.model import Float32
 
 
@@ -13,6 +15,7 @@ def ramp(value: float, low: float, high: float) -> float:
     return t * t * (3 - 2 * t)
 
 
+@with_compiled_form(compiled_auto.ramps)
 def ramps(values: Float32, low: float, high: float) -> Float32:
     """`ramp` of each value: float32 of their shape."""
     t = np.clip((values - np.float32(low)) * np.float32(1 / (high - low)), 0, 1)

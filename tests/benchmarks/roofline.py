@@ -1,0 +1,211 @@
+"""Each step of a frame: the bytes it must move, its CPU time on one core, a copy's time beside it.
+
+    python tests/benchmarks/roofline.py [CLIP] [--size 1080p] [--operator auto] [--rounds 15]
+        [--footage auto] [--instructions]
+
+Without a clip it makes a pan with lamps and grain. A step's bytes are those of its arrays, each
+read or written once, whatever passes it makes over them; its floor is the time in which one core of
+this machine copies as many from memory to memory. A step near its floor waits for memory, one far
+above it computes, one below it works in the cache. The least thread CPU time of all rounds counts,
+as others on the machine only add. `--instructions` counts those of the compiled kernels in one
+frame, by callgrind, for some minutes: in their form for AVX2, as valgrind knows no wider one.
+"""
+
+from __future__ import annotations
+
+import argparse
+import re
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+from against_ffmpeg import machine, make_clip
+from kernels_run import add_plain, require_kernels
+
+from itmo_video.colour.linear_light import strip_to_rgb_linear
+from itmo_video.colour.luminance import limited_luminance
+from itmo_video.colour.strips import strip_buffers, strips
+from itmo_video.expand_map.key_map import make_key_map
+from itmo_video.look import Look, context_of, make_look
+from itmo_video.model import Frame
+from itmo_video.motion import flow
+from itmo_video.motion.cut_detection import analyse_frame
+from itmo_video.operators import LuminanceOperator
+from itmo_video.operators.protocol import WritesHalves
+from itmo_video.output.exr_scanlines import scanline_file
+from itmo_video.presets import make_settings
+from itmo_video.rendering.frame import expand
+from itmo_video.rendering.guidance import Guidance
+from itmo_video.source.opening import open_clip
+
+SIZES = {"1080p": (1920, 1080), "2160p": (3840, 2160)}
+FRAMES = 24
+
+
+def copy_speed(megabytes: int = 256) -> float:
+    """Bytes a second that one core copies from memory to memory, read and written both counted."""
+    source = np.ones(megabytes << 20, np.uint8)
+    target = np.empty_like(source)
+    best = float("inf")
+    for _ in range(7):
+        began = time.thread_time()
+        np.copyto(target, source)
+        best = min(best, time.thread_time() - began)
+    return 2 * source.size / best
+
+
+class Meter:
+    """The least CPU seconds of each step, and its bytes, of rounds in which its parts add up."""
+
+    def __init__(self) -> None:
+        self.least_s: dict[str, float] = {}
+        self.moved: dict[str, int] = {}
+        self._round: dict[str, tuple[float, int]] = {}
+
+    @contextmanager
+    def step(self, name: str, moved: int) -> Iterator[None]:
+        """Count what is done within, which must move so many bytes."""
+        began = time.thread_time()
+        yield
+        spent, before = self._round.get(name, (0.0, 0))
+        self._round[name] = spent + time.thread_time() - began, before + moved
+
+    def end_round(self) -> None:
+        """Keep each step's sum where it is the least so far."""
+        for name, (spent, moved) in self._round.items():
+            self.least_s[name] = min(spent, self.least_s.get(name, float("inf")))
+            self.moved[name] = moved
+        self._round.clear()
+
+
+def render_steps(meter: Meter, frame: Frame, look: Look, small: Any, guide: Any) -> Any:
+    """What `rendering.frame.render` does to a plain frame; its halves (3, H, W)."""
+    (width, height), operator = frame.size, look.operator
+    context = context_of(None, look)
+    edge_aware = look.settings.edge_aware and not operator.draws_edges
+    with meter.step("map and guard: filters at analysis size", 2 * guide.nbytes + small.nbytes):
+        guidance = Guidance(frame, guide, look.settings, small, edge_aware, operator.guard)
+    out = np.empty((3, height, width), np.float16)
+    for rows in strips(height):
+        rgb = strip_buffers(rows, width)
+        plane, luma = rgb[0].nbytes, frame.planes[0][rows].nbytes
+        codes = sum(p.nbytes for p in frame.planes) * (rows.stop - rows.start) // height
+        with meter.step("codes to linear light", codes + 3 * plane):
+            strip_to_rgb_linear(frame, rows, True, rgb)
+        with meter.step("map and guard brought up", luma):
+            maps, ratio = guidance.rows(rows)
+        made = plane * (sum(0 not in m.strides for m in maps) + (ratio is not None))
+        with meter.step("map and guard brought up", made):
+            pass
+        with meter.step("curve, gain, to half floats", 3 * plane + made + 3 * plane // 2):
+            if isinstance(operator, LuminanceOperator):
+                gain = operator.gain(limited_luminance(rgb, ratio), context)
+                expand(rgb, gain, maps[0], operator.base_gain(context), 1, out[:, rows])
+            else:
+                assert isinstance(operator, WritesHalves)
+                operator.expand(rgb, ratio, maps, context, 1, out[:, rows])
+    return out
+
+
+def frame_steps(meter: Meter, frames: list[Frame], look: Look) -> None:
+    """All but decoding and the kernel's writing, of a frame between two keys."""
+    left, frame, right = (analyse_frame(f, look.settings.map_width) for f in frames)
+    codes = sum(p.nbytes for p in frame.frame.planes)
+    with meter.step("pictures at analysis size", frame.frame.planes[0].nbytes):
+        frame = analyse_frame(frame.frame, look.settings.map_width)
+    with meter.step("a key's map (a fifth of it a frame)", codes):
+        keys = make_key_map(left.frame, look)
+    small = keys.nbytes
+    with meter.step("flow to both keys, warp, blend", 3 * small + 2 * 8 * frame.grey.nbytes):
+        carried = flow.track_map(frame.grey, (left.grey, keys), (right.grey, keys), 0.4)
+    out = render_steps(meter, frame.frame, look, carried, frame.guide)
+    planes = dict(zip("RGB", out, strict=True))
+    for compression in ("none", "zip"):
+        with meter.step(f"laid out for `{compression}`", 2 * out.nbytes):
+            for _part in scanline_file(b"", planes, compression):
+                pass
+
+
+def decoding_s(clip: Path) -> float:
+    """CPU seconds that decoding takes a frame, by one thread."""
+    with open_clip(clip) as opened:
+        began, count = time.thread_time(), sum(1 for _ in opened.frames())
+        return (time.thread_time() - began) / count
+
+
+def instructions(arguments: list[str]) -> dict[str, int]:
+    """Instructions of each compiled kernel in one round, by callgrind."""
+    with tempfile.TemporaryDirectory() as folder:
+        told = Path(folder) / "out"
+        tool = ["valgrind", "--tool=callgrind", "--toggle-collect=itmo_*"]
+        tool += [f"--callgrind-out-file={told}", "--compress-strings=no", "--compress-pos=no"]
+        command = [*tool, sys.executable, __file__, *arguments, "--rounds", "1", "--counted"]
+        subprocess.run(command, check=True, capture_output=True)
+        found: dict[str, int] = {}
+        name = ""
+        for line in told.read_text().splitlines():
+            if line.startswith("fn="):
+                kernel = re.match(r"fn=itmo_(\w+?)(\.arch_\w+|\.default)?(\.\w+)?$", line)
+                name = kernel[1] if kernel else name
+            elif (cost := re.match(r"[+\-*\d]+ (\d+)$", line)) and name:
+                found[name] = found.get(name, 0) + int(cost[1])
+        return found
+
+
+def main() -> None:
+    """Measure and print the table."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("clip", type=Path, nargs="?")
+    parser.add_argument("--size", choices=sorted(SIZES), default="1080p")
+    parser.add_argument("--operator", default="auto")
+    parser.add_argument("--footage", default="auto")
+    parser.add_argument("--rounds", type=int, default=15)
+    parser.add_argument("--instructions", action="store_true")
+    parser.add_argument("--counted", action="store_true", help=argparse.SUPPRESS)
+    add_plain(parser)
+    args = parser.parse_args()
+    kernels = require_kernels(args.plain)
+    cv2.setNumThreads(1)
+    look = make_look(make_settings("default", operator=args.operator, footage=args.footage))
+    with tempfile.TemporaryDirectory() as folder:
+        made = Path(folder) / "made.mp4"
+        clip = args.clip or make_clip(made, *SIZES[args.size], FRAMES, "yuv420p")
+        with open_clip(clip) as opened:
+            frames = [f for f, _ in zip(opened.frames(), range(6), strict=False)][::5]
+            frames.insert(1, next(iter(opened.frames(2))))
+        meter = Meter()
+        for _ in range(args.rounds):
+            frame_steps(meter, frames, look)
+            meter.end_round()
+        if args.counted:
+            return
+        decoded = min(decoding_s(clip) for _ in range(3))
+        counts = instructions([str(clip), *sys.argv[1:]]) if args.instructions else {}
+    speed, (width, height) = copy_speed(), frames[0].size
+    print(f"{width}x{height}, operator {args.operator}, footage {args.footage}; {kernels}")
+    print(f"{machine()}; a copy moves {speed / 1e9:.1f} GB/s\n")
+    print("| step | MB | floor, ms | CPU ms | of the floor |\n| --- | ---: | ---: | ---: | ---: |")
+    halves = 6 * width * height
+    meter.least_s["decoding, one thread"] = decoded
+    meter.moved["decoding, one thread"] = sum(p.nbytes for p in frames[0].planes)
+    for name, spent in meter.least_s.items():
+        moved = meter.moved[name]
+        floor = moved / speed
+        print(f"| {name} | {moved / 1e6:.1f} | {1e3 * floor:.2f} | {1e3 * spent:.2f} "
+              f"| {spent / floor:.1f} |")  # fmt: skip
+    least = meter.moved["decoding, one thread"] + halves
+    print(f"\nCodes in and halves out are {least / 1e6:.1f} MB: {1e3 * least / speed:.1f} ms.")
+    for kernel, count in sorted(counts.items(), key=lambda item: -item[1]):
+        print(f"itmo_{kernel}: {count / 1e6:.1f} million instructions a frame, "
+              f"{count / (width * height):.1f} a pixel")  # fmt: skip
+
+
+if __name__ == "__main__":
+    main()
