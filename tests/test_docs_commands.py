@@ -28,6 +28,7 @@ NOT_RUN = {  # a pattern of the command line, and why it is not run here
     r"--shots|\.otio|film\.mov": "extra `otio`, and an edit: tests/test_edit_lists.py",
     r"\bstudio\b": "waits for a browser: tests/studio",
     r"--scheduler": "starts processes or needs a scheduler: tests/test_cluster*.py, tests/laws",
+    r"--as aces": "extra `ocio`: tests/test_aces_views.py",
     r"--ibl": "extra `ibl` and a minute: tests/test_ibl.py",
     r"--raw|convert -( |$)|preview -( |$)": "read from a pipe: tests/test_pipes.py",
     r"codec hevc|codec prores|master\.mov": "slow encoders: tests/test_preview.py",

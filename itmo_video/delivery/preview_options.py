@@ -10,7 +10,10 @@ from typing import Literal
 from itmo_video.errors import UsageError
 from itmo_video.options import check_options, flag_of, option
 
-View = Literal["hdr10", "hlg", "sdr", "compare", "false-colour", "ladder", "acescct", "logc3"]
+View = Literal[
+    "hdr10", "hlg", "sdr", "compare", "false-colour", "ladder", "aces", "aces-hdr", "acescct",
+    "logc3",
+]  # fmt: skip
 OF_VIEW = (
     "view", "frame", "tone_map", "display_peak", "exposure", "layout", "wipe_at",
     "hdr_compare", "no_labels", "scale", "clip",
@@ -35,7 +38,8 @@ class PreviewOptions:
     view: View | None = option(
         None, str, "what to show (hdr10; a JPEG then is SDR with a gain map)", flag="as",
         choices=(
-            "hdr10", "hlg", "sdr", "compare", "false-colour", "ladder", "acescct", "logc3"
+            "hdr10", "hlg", "sdr", "compare", "false-colour", "ladder", "aces", "aces-hdr",
+            "acescct", "logc3",
         ),
     )  # fmt: skip
     frame: int | None = option(
@@ -50,7 +54,7 @@ class PreviewOptions:
         lower=50, upper=10000, metavar="N",
     )  # fmt: skip
     exposure: float = option(
-        0.0, float, "of sdr and compare, in stops, before the tone map", lower=-20, upper=20,
+        0.0, float, "of sdr, compare and aces, in stops, before the tone map", lower=-20, upper=20,
         metavar="STOPS",
     )  # fmt: skip
     layout: Literal["side", "wipe"] = option(

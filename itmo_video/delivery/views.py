@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from itmo_video.delivery import hdr, sdr
+from itmo_video.delivery.aces import aces_hdr_nits, aces_peak, aces_sdr, require_aces
 from itmo_video.delivery.eetf import to_display
 from itmo_video.delivery.false_colour import false_colour
 from itmo_video.delivery.film_spec import Signal
@@ -33,7 +34,7 @@ class ShownFrame:
 
 def signal_of(options: PreviewOptions) -> Signal:
     """How what is shown is encoded."""
-    if options.view == "hdr10" or (options.view == "compare" and options.hdr_compare):
+    if options.view in ("hdr10", "aces-hdr") or (options.view == "compare" and options.hdr_compare):
         return "pq"
     if options.view == "acescct" or options.view == "logc3":
         return options.view
@@ -43,9 +44,14 @@ def signal_of(options: PreviewOptions) -> Signal:
 def check_view(options: PreviewOptions) -> None:
     """Raise UsageError for options that the view has no use for."""
     is_pq = signal_of(options) == "pq"
-    if options.display_peak is not None and not is_pq:
+    if options.display_peak is not None and (not is_pq or options.view == "aces-hdr"):
         raise UsageError("--display-peak is for PQ", remedy="Take --as hdr10.")
-    is_mapped = options.view == "sdr" or (options.view == "compare" and not options.hdr_compare)
+    is_aces = options.view in ("aces", "aces-hdr")
+    if is_aces:
+        require_aces()
+    is_mapped = (
+        is_aces or options.view == "sdr" or (options.view == "compare" and not options.hdr_compare)
+    )
     if options.exposure and not is_mapped:
         raise UsageError(
             "--exposure is for views that are tone-mapped", remedy="Take --as sdr or --as compare."
@@ -54,6 +60,8 @@ def check_view(options: PreviewOptions) -> None:
 
 def shown_peak(pictures: Pictures, options: PreviewOptions) -> float:
     """The peak in nits of what is shown; UsageError for a display that is no darker than that."""
+    if options.view == "aces-hdr":
+        return aces_peak(pictures.peak_nits)
     if options.display_peak is None:
         return pictures.peak_nits
     if options.display_peak >= pictures.peak_nits:
@@ -70,6 +78,10 @@ def light_of(
 ) -> tuple[Sequence[Any], str, float]:
     """Linear planes, their primaries and the nits of 1.0; compare has the source beside."""
     white = pictures.white_nits
+    if options.view == "aces-hdr":
+        peak, gain = aces_peak(pictures.peak_nits), 2.0**options.exposure
+        nits = aces_hdr_nits(picture.rgb, pictures.primaries, peak, gain) / np.float32(white)
+        return [np.ascontiguousarray(nits[..., i]) for i in range(3)], "rec2020", white
     if options.view != "compare":
         return picture.rgb, pictures.primaries, white
     assert picture.source is not None
@@ -79,7 +91,9 @@ def light_of(
 
 
 def sdr_view(picture: Picture, pictures: Pictures, options: PreviewOptions) -> sdr.Picture:
-    """R'G'B' of a frame (H, W, 3) in [0, 1] for the views sdr, compare, false-colour and ladder."""
+    """R'G'B' of a frame (H, W, 3) in [0, 1] for the SDR views."""
+    if options.view == "aces":
+        return aces_sdr(picture.rgb, pictures.primaries, 2.0**options.exposure)
     linear = sdr.to_709(picture.rgb, pictures.primaries)
     peak = pictures.peak_nits / pictures.white_nits
     if options.view == "false-colour":

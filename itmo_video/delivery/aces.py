@@ -1,0 +1,75 @@
+"""The output transforms of ACES 2.0, by OpenColorIO and its built-in config (extra `ocio`).
+
+Linear light is taken as scene-linear, 1.0 = SDR white = a perfect diffuser.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from itmo_video.colour.transfer import pq_nits
+from itmo_video.delivery.sdr import Picture
+from itmo_video.errors import UsageError
+from itmo_video.model import Float32, Half
+
+CONFIG = "ocio://studio-config-v4.0.0_aces-v2.0_ocio-v2.5"
+HDR_PEAKS = (500, 1000, 2000, 4000)
+_SDR = ("Rec.1886 Rec.709 - Display", "ACES 2.0 - SDR 100 nits (Rec.709)")
+_SOURCES = {
+    "rec709": "Linear Rec.709 (sRGB)",
+    "rec2020": "Linear Rec.2020",
+    "acescg": "ACEScg",
+    "aces2065-1": "ACES2065-1",
+}
+Planes = Sequence[Half | Float32]
+
+
+def aces_sdr(rgb: Planes, primaries: str, gain: float = 1.0) -> Picture:
+    """R'G'B' in [0, 1] for a BT.1886 monitor, (H, W, 3) float32, of linear planes."""
+    return np.clip(_shown(rgb, primaries, gain, *_SDR), np.float32(0), np.float32(1))
+
+
+def aces_hdr_nits(rgb: Planes, primaries: str, peak_nits: float, gain: float = 1.0) -> Picture:
+    """BT.2020 R, G and B in nits, (H, W, 3) float32, on a display with this of HDR_PEAKS."""
+    view = f"ACES 2.0 - HDR {peak_nits:.0f} nits (P3 D65)"
+    code = _shown(rgb, primaries, gain, "Rec.2100-PQ - Display", view)
+    return np.asarray(pq_nits(code), np.float32)
+
+
+def aces_peak(peak_nits: float) -> float:
+    """The display that a picture of this peak is shown on: the brightest that is no brighter."""
+    return float(max((p for p in HDR_PEAKS if p <= peak_nits), default=HDR_PEAKS[0]))
+
+
+def require_aces() -> None:
+    """Raise UsageError where OpenColorIO is missing or has no ACES 2.0."""
+    _processor("rec709", *_SDR)
+
+
+def _shown(rgb: Planes, primaries: str, gain: float, display: str, view: str) -> Picture:
+    out = np.stack([np.asarray(plane, np.float32) for plane in rgb], axis=-1) * np.float32(gain)
+    _processor(primaries, display, view).applyRGB(out)  # in place
+    return out
+
+
+@functools.lru_cache(maxsize=4)
+def _processor(primaries: str, display: str, view: str) -> Any:
+    try:
+        import PyOpenColorIO
+    except ImportError as error:
+        raise UsageError(
+            "the views of ACES need OpenColorIO", remedy="pip install 'itmo_video[ocio]'"
+        ) from error
+    try:
+        config = PyOpenColorIO.Config.CreateFromFile(CONFIG)
+        forward = PyOpenColorIO.TRANSFORM_DIR_FORWARD
+        processor = config.getProcessor(_SOURCES[primaries], display, view, forward)
+        return processor.getDefaultCPUProcessor()
+    except PyOpenColorIO.Exception as error:
+        raise UsageError(
+            f"this OpenColorIO has no ACES 2.0: {error}", remedy="pip install 'opencolorio>=2.5'"
+        ) from error
