@@ -142,15 +142,14 @@ def limitations() -> Any:
         done = [frame.rgb.astype(np.float32) for frame in converted(name, 0, 48)]
         errors = [_stops_off(done[n], truth[n]) for n in range(0, 48, 8)]
         worst = 8 * int(np.argmax([np.mean(np.abs(e)) for e in errors]))
-        off = (np.clip(_stops_off(done[worst], truth[worst]) / 8 + 0.5, 0, 1) * 255).astype(
-            np.uint8
-        )
+        off = np.clip(_stops_off(done[worst], truth[worst]) / 4, -1, 1)[..., None]
+        blue_red = np.where(off < 0, off * (-255, -120, 0), off * (0, 120, 255)).astype(np.uint8)
         rows.append(
             [
                 labelled(shown(sdr[worst]), f"{name}, frame {worst + 1}: SDR"),
                 labelled(in_stops(done[worst]), "itmo_video, in stops"),
                 labelled(in_stops(truth[worst]), "true radiance, in stops"),
-                labelled(cv2.applyColorMap(off, cv2.COLORMAP_TWILIGHT), "error, -4 to +4 stops"),
+                labelled(blue_red, "error: too dark blue, too bright red"),
             ]
         )
     return cv2.resize(grid(rows), None, fx=0.75, fy=0.75, interpolation=cv2.INTER_AREA)

@@ -54,7 +54,7 @@ class ReplacedInputError(DamagedInputError):
 
 
 class OutputError(ItmoError):
-    """The output cannot be written: no space, no right, or another conversion's files."""
+    """The output cannot be written: no space, no permission, or another conversion's files."""
 
     exit_code = 5
 

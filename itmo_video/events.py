@@ -1,4 +1,4 @@
-"""What is told while a command runs: four events, and each as a line of `--json`."""
+"""What a command reports while it runs: four events, and each as a line of `--json`."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ OnEvent: TypeAlias = Callable[[Event], None]
 
 
 def ignore(event: Event) -> None:
-    """Tell nobody."""
+    """Report nothing."""
 
 
 def as_json(event: Event) -> dict[str, Any]:

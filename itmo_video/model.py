@@ -30,7 +30,7 @@ Origin = Literal["tag", "assumed", "set"]
 class Encoding:
     """How a frame's integer codes stand for colour.
 
-    `origins` tells for "matrix", "range", "transfer" and "primaries" whether the value comes from
+    `origins` says for "matrix", "range", "transfer" and "primaries" whether the value comes from
     the file's tags, is assumed, or was set by the user.
 
     >>> from itmo_video import open_clip
@@ -61,7 +61,7 @@ class Encoding:
 
 @dataclass(frozen=True)
 class ClipInfo:
-    """What a clip says of itself and what will be assumed.
+    """A clip's metadata and what will be assumed.
 
     Sizes are in pixels as stored, before `rotation_deg` (clockwise, to be applied for display) and
     `flip` (mirrored left-right, applied before the rotation); `frames` counts what is presented.

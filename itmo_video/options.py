@@ -22,7 +22,7 @@ T = TypeVar("T")
 
 @dataclass(frozen=True)
 class Spec:
-    """What an option accepts and what it says of itself.
+    """What an option accepts, and its help.
 
     `words` are accepted beside its `kind`; `flag` is its name on the command line where that is not
     the field's, `read` makes its value of the flag's text where that is more than its kind.

@@ -74,7 +74,7 @@ def with_own(base: Settings, own: Mapping[str, Any]) -> Settings:
     Raises UsageError as make_settings, and for settings that hold for a whole clip (OF_CLIP).
     """
     if whole := [flag_name(name) for name in own if name in OF_CLIP]:
-        raise UsageError(f"{', '.join(whole)} holds for a whole clip, not for a shot")
+        raise UsageError(f"{', '.join(whole)} is set for the whole clip, not for a shot")
     _require_one_maximum(own)
     values = {name: value for name, value in own.items() if name != "preset"}
     preset, asked = base.asked or (None, _asked_for(base))
@@ -102,7 +102,7 @@ def check_own(own: Mapping[str, Any]) -> None:
         elif name in specs:
             spec_of(specs[name]).check(flag_of(specs[name]), value)
         else:
-            raise UsageError(f"{flag_name(name)} is nothing that a shot can have of its own")
+            raise UsageError(f"{flag_name(name)} cannot be set for a shot")
 
 
 def preset_folder() -> Path:

@@ -44,44 +44,47 @@ class Settings:
     """The preset and the overrides, where make_settings made it; no part of its value."""
 
     operator: str = setting(
-        "banterle2006", str, "how luminance is expanded; see `itmo-video operators`", metavar="NAME"
+        "banterle2006",
+        str,
+        "inverse tone mapping operator; see `itmo-video operators`",
+        metavar="NAME",
     )
     l_max: float | None = setting(
         None, float, "maximum luminance, SDR white = 1 (default: peak-nits / white-nits)",
         lower=1, upper=60000, metavar="X",
     )  # fmt: skip
     peak_nits: float = setting(
-        1000.0, float, "luminance of the brightest output", lower=1, upper=1e6, metavar="N"
+        1000.0, float, "peak luminance of the output in nits", lower=1, upper=1e6, metavar="N"
     )
     white_nits: float = setting(
-        203.0, float, "luminance of SDR diffuse white", lower=1, upper=10000, metavar="N"
+        203.0, float, "luminance of SDR diffuse white in nits", lower=1, upper=10000, metavar="N"
     )
     l_white: float | None = setting(
-        None, float, "L_white of eq. 7: how far middle tones keep theirs (default: l-max)",
+        None, float, "L_white of eq. 7: higher keeps middle tones darker (default: l-max)",
         lower=0.01, upper=1e6, metavar="X",
     )  # fmt: skip
     alpha: float | None = setting(
-        None, float, "eq. 4's key instead of eq. 13: each frame's geometric mean then counts",
+        None, float, "key of eq. 4 in place of eq. 13; uses each frame's geometric mean",
         lower=1e-4, upper=100, metavar="X",
     )  # fmt: skip
     operator_params: dict[str, float] = setting(
-        {}, dict, "an operator's own parameter, such as threshold=0.7 (any number of times)",
+        {}, dict, "parameter of the operator, such as threshold=0.7 (repeatable)",
         metavar="NAME=VALUE", flag="operator-param",
     )  # fmt: skip
-    expand_map: bool = setting(True, bool, "weigh the expansion by the Expand Map")
+    expand_map: bool = setting(True, bool, "weight the expansion by the Expand Map")
     strength: float = setting(
         1.0, float,
-        "how much of the expansion is applied: 0 none, 1 all, up to 2 more below the peak",
+        "amount of expansion: 0 none, 1 full; up to 2 expands more, same peak",
         lower=0, upper=2, metavar="X",
     )  # fmt: skip
     footage: str = setting(
         "auto", str,
-        "operator auto: how it was rendered to SDR, estimated for each shot or as you know it",
+        "operator auto: how the footage was rendered to SDR; auto estimates it per shot",
         choices=("auto", "clipped", "tone-mapped"),
     )  # fmt: skip
     hue: str = setting(
         "restore", str,
-        "operator auto: restore the colour of channels that clipped, or keep the camera's hue",
+        "operator auto: restore the colour of clipped channels, or keep the hue as recorded",
         choices=("restore", "keep"),
     )  # fmt: skip
     lamps: float = setting(
@@ -89,41 +92,49 @@ class Settings:
         lower=0, upper=4, metavar="X",
     )  # fmt: skip
     over_white: str = setting(
-        "clip", str, "codes outside black to white: clipped, or kept and given white's gain",
+        "clip", str, "code values above white: clip them, or keep them with white's gain",
         choices=("clip", "keep"),
     )  # fmt: skip
     lights: int = setting(
-        1024, int, "median-cut lights, a power of two", lower=2, upper=65536, metavar="N"
+        1024, int, "number of median-cut lights, a power of two", lower=2, upper=65536, metavar="N"
     )
     radius: float = setting(
         16.0, float, "radius of the density estimate at 512x768, in pixels; scales with the frame",
         lower=1, upper=512, metavar="PX",
     )  # fmt: skip
     min_lights: int = setting(
-        4, int, "lights within the radius below which nothing is expanded",
+        4, int, "fewer lights than this within the radius: no expansion",
         lower=0, upper=1024, metavar="N",
     )  # fmt: skip
     soft_lights: bool = setting(
-        False, bool, "count lights softly, which flickers less than the paper's hard threshold"
+        False, bool, "soft light threshold; flickers less than the paper's hard one"
     )
     map_width: int = setting(
-        512, int, "width at which the map is made, at most", lower=16, upper=4096, metavar="PX"
+        512,
+        int,
+        "maximum width at which the Expand Map is computed",
+        lower=16,
+        upper=4096,
+        metavar="PX",
     )
     key_interval: int = setting(
-        5, int, "frames between keyframes of the map", lower=1, upper=60, metavar="N"
+        5, int, "frames between keyframes of the Expand Map", lower=1, upper=60, metavar="N"
     )
     temporal: str = setting(
-        "tracked", str, "how maps between keyframes are made",
+        "tracked", str, "the map between keyframes: tracked by optical flow, blended, or per frame",
         choices=("tracked", "blend", "per-frame"),
     )  # fmt: skip
     smooth_keys: int = setting(
-        0, int, "neighbouring keyframes to either side that a keyframe's map is averaged with",
+        0, int, "average each keyframe's map with this many keyframes on either side",
         lower=0, upper=8, metavar="N",
     )  # fmt: skip
-    edge_aware: bool = setting(True, bool, "bring the map to full size along the picture's edges")
-    noise_guard: bool = setting(False, bool, "keep expansion from lifting grain and banding")
+    edge_aware: bool = setting(True, bool, "upsample the map along edges in the picture")
+    noise_guard: bool = setting(False, bool, "keep the expansion from amplifying grain and banding")
     projection: str = setting(
-        "flat", str, "flat picture, or latitude-longitude panorama", choices=("flat", "latlong")
+        "flat",
+        str,
+        "flat picture, or latitude-longitude (equirectangular) panorama",
+        choices=("flat", "latlong"),
     )
     transfer: str = setting(
         "auto", str, "the source's transfer function",
@@ -139,27 +150,27 @@ class Settings:
         "auto", str, "deinterlace what is flagged as interlaced", choices=("auto", "off", "force")
     )
     fps: str | None = setting(
-        None, str, "resample to this constant frame rate: 25, 23.976, 24000/1001", metavar="N"
+        None, str, "resample to a constant frame rate: 25, 23.976, 24000/1001", metavar="N"
     )
     stream: int | None = setting(
-        None, int, "number of the video stream in the file (default: the one flagged as default)",
+        None, int, "video stream to read (default: the one flagged as default; see `info`)",
         lower=0, upper=10000, metavar="N",
     )  # fmt: skip
     raw: str | None = setting(
-        None, str, "raw frames come through the pipe, such as yuv420p10le:1920x1080:24000/1001",
+        None, str, "format of raw frames from a pipe, such as yuv420p10le:1920x1080:24000/1001",
         metavar="FORMAT:WxH:FPS",
     )  # fmt: skip
-    force_sdr: bool = setting(False, bool, "treat a source that is tagged HDR as plain SDR")
+    force_sdr: bool = setting(False, bool, "treat a source tagged as HDR as SDR")
     primaries: str = setting("rec709", str, "primaries of the output", choices=OUTPUT_PRIMARIES)
     compression: str = setting("zip", str, "EXR compression", choices=compressions.WRITTEN)
     layers: tuple[str, ...] = setting(
         (), tuple, f"extra EXR layers, comma-separated: {', '.join(LAYERS)}",
         metavar="NAME,...",
     )  # fmt: skip
-    owner: str | None = setting(
-        None, str, "owner of the pictures, in each EXR's header", metavar="TEXT"
+    owner: str | None = setting(None, str, "owner, written to each EXR header", metavar="TEXT")
+    comments: str | None = setting(
+        None, str, "comments, written to each EXR header", metavar="TEXT"
     )
-    comments: str | None = setting(None, str, "comments in each EXR's header", metavar="TEXT")
     timecode: str | None = setting(
         None, str, "timecode of the clip's first frame, HH:MM:SS:FF (;FF for drop frame), or auto: "
         "the source's, else frame numbers counted at the frame rate (default: the source's)",

@@ -28,7 +28,7 @@ def parse_rational(text: str) -> Fraction:
     """
     match = _RATIONAL.fullmatch(text)
     if match is None or (match[3] and not int(match[3])):
-        raise ValueError(f"{text[:40]!r} is no number such as 25, 23.976 or 24000/1001")
+        raise ValueError(f"{text[:40]!r} is not a number such as 25, 23.976 or 24000/1001")
     return Fraction(match[0].strip())
 
 
@@ -99,7 +99,7 @@ def _table(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
 
 
 def _no_number(name: str) -> NoReturn:
-    raise ValueError(f"{name} is no number")
+    raise ValueError(f"{name} is not a number")
 
 
 def _finite(text: str) -> float:

@@ -120,9 +120,9 @@ def test_primaries_are_those_of_the_picture() -> None:
 def test_what_is_no_sdr_picture_is_refused_in_words() -> None:
     ok = np.zeros((4, 4, 3), np.float32)
     for wrong, error, words in [
-        (np.zeros((4, 4), np.uint8), UsageError, r"\(4, 4\) is no picture"),
+        (np.zeros((4, 4), np.uint8), UsageError, r"\(4, 4\) is not a picture"),
         (np.zeros((4, 4, 4), np.uint8), UsageError, "height, width, 3"),
-        (np.zeros((0, 4, 3), np.uint8), UsageError, "is no picture"),
+        (np.zeros((0, 4, 3), np.uint8), UsageError, "is not a picture"),
         (np.zeros((4, 4, 3), np.int32), UsageError, "int32"),
         (ok + np.float32(1.5), AlreadyHdrError, "1.5 times SDR white"),
         (ok - np.float32(0.1), UsageError, "down to -0.1"),
@@ -205,7 +205,7 @@ def test_a_result_is_a_mapping_and_says_what_is_not_there(tmp_path: Path) -> Non
     (tmp_path / "out" / "clip.0002.exr").write_bytes(b"not whole")
     with pytest.raises(InputError, match="not a whole EXR file"):
         result[2]
-    with pytest.raises(InputError, match="no conversion's folder"):
+    with pytest.raises(InputError, match="not a converted folder"):
         open_result(tmp_path)
 
 

@@ -136,7 +136,7 @@ def test_a_terminal_has_one_line_of_progress_and_what_follows_stands_below(
     assert lines[2].startswith("\rclip.mp4 [########")
     assert "] 3/3 frames, " in lines[2]
     assert "-" not in lines[2].split("]")[0]
-    assert lines[3:] == ["itmo-video: out/: 3 frames made, peak 812 nits, 1.0 s, 1.0 MB", ""]
+    assert lines[3:] == ["itmo-video: out/: 3 frames rendered, peak 812 nits, 1.0 s, 1.0 MB", ""]
     piped = io.StringIO()
     Progress(as_json=False, quiet=False, stream=piped).on_event(FrameDone(1, 1, 3))
     assert piped.getvalue() == "", "progress is for terminals"

@@ -137,7 +137,7 @@ def test_12_the_default_stream_is_read_and_told() -> None:
     assert info.display_size == (640, 360)
     assert any("--stream" in notice for notice in info.notices)
     assert open_clip(path, InputOptions(stream=0)).info.display_size == (160, 96)
-    with pytest.raises(UsageError, match="no video stream"):
+    with pytest.raises(UsageError, match="not a video stream"):
         open_clip(path, InputOptions(stream=7))
 
 

@@ -186,8 +186,8 @@ def test_nobodys_files_are_refused(out):
     out.path.mkdir()
     (out.path / "clip.0001.exr").write_bytes(b"mine")
     assert out.is_nobodys()
-    refused(out, OURS, "no conversion made")
-    refused(out, OURS, "no conversion made", update=True)
+    refused(out, OURS, "not from a conversion")
+    refused(out, OURS, "not from a conversion", update=True)
     out.claim(OURS, overwrite=True)
     assert (out.path / "clip.0001.exr").read_bytes() == b"mine"
 
@@ -347,7 +347,7 @@ def test_verify(out):
     exr.write_exr(out.frame_path(6), picture(9, 9), HEADER)
     faults = out.verify(fingerprints)
     assert [path for path, _ in faults] == [out.frame_path(n) for n in (2, 3, 4, 6)]
-    words = ("whole", "whole", "missing", "--update")
+    words = ("damaged", "damaged", "missing", "--update")
     assert all(word in problem for (_, problem), word in zip(faults, words, strict=True))
     out.manifest_path.write_text("{}")
     assert out.verify({})[0][0] == out.manifest_path

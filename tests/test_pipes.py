@@ -256,7 +256,12 @@ def test_sigterm_ends_a_wait_for_input(films: dict[str, Path]) -> None:
         (b"", ("convert", "-", "{out}", "--fps", "25"), 2, "resampled"),
         (b"", ("convert", "-", "{out}", "--raw", "yuv420p:1x"), 2, "FORMAT:WIDTHxHEIGHT:FPS"),
         (b"", ("convert", "-", "{out}", "--raw", "nv77:1x1:25"), 2, "FORMAT:WIDTHxHEIGHT:FPS"),
-        (b"", ("preview", "-", "-", "--json"), 2, "standard output carries the film"),
+        (
+            b"",
+            ("preview", "-", "-", "--json"),
+            2,
+            "--json and a film to standard output exclude each other",
+        ),
         (b"", ("preview", "-", "-", "--depth", "8"), 2, "10 bits"),
         (b"", ("preview", "-", "-", "--crf", "20"), 2, "not compressed"),
     ],

@@ -442,7 +442,7 @@ def test_what_cannot_be_opened_says_why(tmp_path):
         open_clip(tmp_path / "none.mp4")
     with pytest.raises(InputError, match="folder"):
         open_clip(tmp_path)
-    with pytest.raises(InputError, match="no file has a name"):
+    with pytest.raises(InputError, match="no file matches"):
         open_clip(tmp_path / "img.%04d.png")
     os.mkfifo(tmp_path / "pipe.mp4")
     writer = os.open(tmp_path / "pipe.mp4", os.O_RDWR)

@@ -137,7 +137,7 @@ def test_the_log_has_all_runs_with_times(clip: Path, tmp_path: Path) -> None:
     assert any(line.startswith("settings: ") and "peak-nits=400" in line for line in told)
     assert [line for line in told if line.startswith("exit code")] == ["exit code 0", "exit code 5"]
     assert "--update" in "".join(told), "errors are in the log"
-    assert any(re.search(r"o: 2 frames made, peak \d+ nits, ", line) for line in told)
+    assert any(re.search(r"o: 2 frames rendered, peak \d+ nits, ", line) for line in told)
 
 
 def test_the_log_never_writes_into_a_users_file(
@@ -150,7 +150,7 @@ def test_the_log_never_writes_into_a_users_file(
     assert clip.read_bytes() == before
     notes = tmp_path / "notes.txt"
     notes.write_text("2026 was a good year\n")
-    with pytest.raises(OutputError, match="no log"):
+    with pytest.raises(OutputError, match="not a log"):
         LogFile(notes)
     assert "Choose another name" in capsys.readouterr().err
 
@@ -185,7 +185,9 @@ def test_the_last_line_has_folder_frames_peak_and_time(
     out = tmp_path / "o"
     assert main(["convert", str(clip), str(out)]) == 0
     last = capsys.readouterr().err.splitlines()[-1]
-    found = re.fullmatch(r"itmo-video: (.*): 2 frames made, peak (\d+) nits, [\d.]+ s, .* MB", last)
+    found = re.fullmatch(
+        r"itmo-video: (.*): 2 frames rendered, peak (\d+) nits, [\d.]+ s, .* MB", last
+    )
     assert found is not None, last
     largest = max(
         float(read_exr(path).channels[c].max()) for path in out.glob("*.exr") for c in "RGB"
@@ -193,7 +195,7 @@ def test_the_last_line_has_folder_frames_peak_and_time(
     assert (found[1], int(found[2])) == (str(out), round(largest * 203))
     assert main(["convert", str(clip), str(out)]) == 0
     last = capsys.readouterr().err.splitlines()[-1]
-    assert "0 frames made, 2 there before, " in last, "nothing was made: no peak"
+    assert "0 frames rendered, 2 already present, " in last, "nothing was made: no peak"
 
 
 def test_the_peak_is_that_of_halves() -> None:

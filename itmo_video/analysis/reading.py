@@ -63,7 +63,7 @@ def _bad(why: str, where: str) -> UsageError:
     return UsageError(
         f"not a valid analysis: {cut(why)}",
         where=where,
-        remedy="Mend it, or make it again: itmo-video analyse INPUT --output FILE.json",
+        remedy="Correct it, or write it anew: itmo-video analyse INPUT --output FILE.json",
     )
 
 
@@ -200,7 +200,7 @@ def _time(value: Any) -> Fraction:
     try:
         return parse_rational(str(value))
     except ValueError:
-        raise _WrongError(f"times_s: {value!r} is no time") from None
+        raise _WrongError(f"times_s: {value!r} is not a time") from None
 
 
 def _statistics(data: Any, place: str) -> Statistics:

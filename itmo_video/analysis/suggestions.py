@@ -1,6 +1,6 @@
 """Settings that suit a clip, by simple rules of thumb, each with its reason.
 
-They are only told, never applied. Those for the Expand Map are for the operator banterle2006, with
+Reported, never applied. Those for the Expand Map are for the operator banterle2006, with
 which they were measured (docs/quality.md); the numbers of the others are rules of thumb.
 """
 

@@ -45,7 +45,7 @@ class ArrayFrames:
     def frames(self, start: int = 0) -> Iterator[Frame]:
         """Yield the pictures as frames, from the first on.
 
-        Raises UsageError for what is no picture, AlreadyHdrError for light above white, and
+        Raises UsageError for what is not a picture, AlreadyHdrError for light above white, and
         DamagedInputError where a picture has another size than the first.
         """
         assert start == 0, "an iterable has only its start"
@@ -73,7 +73,7 @@ class ArrayFrames:
         where = f"picture {index}"
         if picture.ndim != 3 or picture.shape[2] != 3 or 0 in picture.shape:
             raise UsageError(
-                f"an array of shape {picture.shape} is no picture",
+                f"an array of shape {picture.shape} is not a picture",
                 where=where,
                 remedy="Pictures are RGB, of the shape (height, width, 3).",
             )
@@ -104,7 +104,7 @@ def _depth_of(picture: npt.NDArray[Any], bit_depth: int | None, where: str) -> i
     most = {np.dtype(np.uint8): 8, np.dtype(np.uint16): 16}.get(picture.dtype)
     if most is None:
         raise UsageError(
-            f"an array of {picture.dtype} is no picture",
+            f"an array of {picture.dtype} is not a picture",
             where=where,
             remedy="Codes are uint8 or uint16, linear light (SDR white = 1) is of floats.",
         )

@@ -28,7 +28,7 @@ def add_analyse(commands: Any) -> None:
     """Add the subcommand."""
     analyse = commands.add_parser(
         "analyse",
-        help="cuts, keyframes, statistics, suggested settings and a list of shots to edit",
+        help="find cuts and keyframes, measure, and write a shot list to edit",
         description="Look through a clip once. In the JSON that is written a shot may be given any "
         'setting of the look, with the meaning that it has on the command line ("strength": 0.5, '
         '"peak_nits": 600, "operator": ..., also a "preset"), or "enabled": false; convert '
@@ -78,9 +78,9 @@ def _metadata(args: argparse.Namespace, run: RunOptions) -> int:
     from itmo_video.delivery.shot_light import film_light_by_shots
 
     if args.output is not None:
-        raise UsageError("metadata have files of their own", remedy="Leave --output out.")
+        raise UsageError("metadata have files of their own", remedy="Omit --output.")
     if run.frames is not None:
-        raise UsageError("metadata are of the whole film", remedy="Leave --frames out.")
+        raise UsageError("metadata are of the whole film", remedy="Omit --frames.")
     if args.shots is not None and (run.analysis is not None or os.path.isdir(args.input)):
         raise UsageError("--shots is for clips, without --analysis", remedy="Leave it out.")
     settings = None

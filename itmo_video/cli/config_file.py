@@ -155,5 +155,5 @@ def _checked(
 def _wrong(what: str, path: Path, remedy: str | None = None) -> UsageError:
     return UsageError(
         f"config file: {what}", where=str(path),
-        remedy=remedy or "Mend it, or leave it out by --no-config.",
+        remedy=remedy or "Correct it, or use --no-config.",
     )  # fmt: skip

@@ -30,9 +30,9 @@ def add_convert(commands: Any) -> None:
     """Add the subcommand."""
     convert = commands.add_parser(
         "convert",
-        help="SDR clip -> EXR sequence OUTPUT_DIR/<stem>.%%04d.exr",
+        help="convert SDR clips, stills and sequences to EXR (resumes)",
         description="Convert an SDR clip to an EXR sequence; 1.0 in it is SDR white. "
-        "The same command again makes what is missing.",
+        "Run the same command again to resume.",
         epilog=EXAMPLES,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
@@ -41,10 +41,10 @@ def add_convert(commands: Any) -> None:
         metavar="INPUT",
         nargs="+",
         help="a clip, a still, an image sequence (img.%%04d.png, or img.*.png as the shell lists "
-        "it), or - for what is piped in; of several inputs, each goes to its own folder "
+        "it), or - for standard input; of several inputs, each goes to its own folder "
         "OUTPUT_DIR/<stem>",
     )
-    convert.add_argument("output", metavar="OUTPUT_DIR", help="the folder that the frames go to")
+    convert.add_argument("output", metavar="OUTPUT_DIR", help="folder to write the frames to")
     add_settings(convert)
     add_run_options(convert)
     convert.add_argument(
@@ -53,12 +53,12 @@ def add_convert(commands: Any) -> None:
         "{number} (of the input, from 1) are known, too",
     )  # fmt: skip
     convert.add_argument(
-        "--report", action="store_true", help="also write OUTPUT_DIR/report.html about it"
+        "--report", action="store_true", help="also write a QC report, OUTPUT_DIR/report.html"
     )
     convert.add_argument(
         "--side-files", metavar="KIND,...",
-        help="also write, beside the frames, nuke (a Read node), usd (a dome light of a panorama), "
-        "ocio (a rule for a config)",
+        help="also write side files: nuke (a Read node), usd (a dome light, for panoramas), "
+        "ocio (a file rule)",
     )  # fmt: skip
     convert.set_defaults(run=_convert)
 
@@ -100,7 +100,7 @@ def _side_files(text: str | None, settings: Settings, run: RunOptions) -> list[s
 
         check_kinds(kinds, settings.projection)
         if run.null:
-            raise UsageError("side files need the frames", remedy="Leave --null or them out.")
+            raise UsageError("side files need the frames", remedy="Omit --null or --side-files.")
     return kinds
 
 
@@ -118,11 +118,11 @@ def _convert_one(
 
     if is_pipe(source) and (args.verify or args.dry_run or args.report):
         raise UsageError(
-            "a pipe can be read only once", remedy="Leave --verify, --dry-run and --report out."
+            "a pipe can be read only once", remedy="Omit --verify, --dry-run and --report."
         )
     if args.verify:
         checking.require_sound(checking.verify(source, output, settings, run))
-        print(f"{output}: all frames are there and whole")
+        print(f"{output}: all frames are present and intact")
         return
     if args.dry_run:
         print(checking.describe_plan(source, output, settings, run))
@@ -131,7 +131,7 @@ def _convert_one(
         from itmo_video.html_report.page import report, report_gate, require_templates
 
         if run.null:
-            raise UsageError("a report needs the frames", remedy="Leave --null or --report out.")
+            raise UsageError("a report needs the frames", remedy="Omit --null or --report.")
         require_templates()
     executor = None
     tls = args.tls_ca_file, args.tls_cert, args.tls_key

@@ -31,7 +31,7 @@ def add_evaluate(commands: Any) -> None:
     """Add the subparser of `evaluate`."""
     parser = commands.add_parser(
         "evaluate",
-        help="flicker of a sequence along the clip's motion, fidelity to a true one",
+        help="measure flicker, and fidelity to a reference",
         description="Measure an EXR sequence: with --source its flicker along the clip's motion "
         "(map_flicker needs --layers expand_map), with --reference its fidelity to the truth.",
         epilog=EXAMPLES,

@@ -16,15 +16,19 @@ if TYPE_CHECKING:
 
 def add_info(commands: Any) -> None:
     """Add the three subcommands."""
-    info = commands.add_parser("info", help="what a clip says of itself and what will be assumed")
+    info = commands.add_parser(
+        "info", help="show a clip's metadata and the defaults that will be used"
+    )
     info.add_argument("input", metavar="INPUT")
     info.add_argument("--json", action="store_true", help="as JSON")
     info.set_defaults(run=_info)
 
-    presets = commands.add_parser("presets", help="the presets and what they set")
+    presets = commands.add_parser("presets", help="list the presets and their settings")
     presets.add_argument("--json", action="store_true", help="as JSON")
     presets.set_defaults(run=_presets)
-    operators = commands.add_parser("operators", help="the operators, their parameters, sources")
+    operators = commands.add_parser(
+        "operators", help="list the operators with parameters and sources"
+    )
     operators.set_defaults(run=_operators)
 
 

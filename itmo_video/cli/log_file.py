@@ -1,4 +1,4 @@
-"""The log file of `--log`: what is told while a command runs, with times; runs are appended."""
+"""The log file of `--log`: what a command reports while it runs, with times; runs are appended."""
 
 from __future__ import annotations
 
@@ -36,10 +36,10 @@ class LogFile:
             raise output_error(error, path) from error
         try:
             if not stat.S_ISREG(os.fstat(descriptor).st_mode):
-                raise _refused("it is no regular file", self._path)
+                raise _refused("not a regular file", self._path)
             head = os.read(descriptor, 64)
             if head and not _OURS.match(head):
-                raise _refused("there is a file that is no log of itmo-video's", self._path)
+                raise _refused("an existing file there is not a log of itmo-video", self._path)
         except BaseException:
             os.close(descriptor)
             raise

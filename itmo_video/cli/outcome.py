@@ -29,7 +29,7 @@ def debug() -> None:
 def interrupted(code: int) -> int:
     """Say that the run was interrupted; returns `code`."""
     print(
-        "itmo-video: interrupted; what is written is whole, the same command goes on",
+        "itmo-video: interrupted; finished frames are intact, run the same command to resume",
         file=sys.stderr,
     )
     return code
@@ -39,8 +39,8 @@ def out_of_memory() -> int:
     """Say that memory ran out; returns the exit code."""
     debug()
     print(
-        "itmo-video: there is not enough memory; what is written is whole\n"
-        "Fewer --jobs, or a smaller --map-width, take less; a limit may be set (ulimit -v).",
+        "itmo-video: not enough memory; finished frames are intact\n"
+        "Use fewer --jobs or a smaller --map-width; also check for a memory limit (ulimit -v).",
         file=sys.stderr,
     )
     return 1
@@ -53,7 +53,7 @@ def unexpected(error: Exception) -> int:
     debug()
     print(
         f"itmo-video: unexpected: {type(error).__name__}: {error}\n"
-        "Please report it; ITMO_VIDEO_DEBUG=1 shows where.",
+        "Please report this; ITMO_VIDEO_DEBUG=1 prints the traceback.",
         file=sys.stderr,
     )
     return 1

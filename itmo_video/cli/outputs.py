@@ -46,7 +46,7 @@ def named(inputs: Sequence[str], output: str, template: str | None) -> Outputs:
         if twice := sorted({name for name in names if names.count(name) > 1}):
             raise UsageError(
                 f"several inputs would go to {', '.join(os.path.join(output, n) for n in twice)}",
-                remedy=f"Tell them apart: --name '{_apart(sources)}'",
+                remedy=f"Name them apart: --name '{_apart(sources)}'",
             )
         # With a slash, so that a name with a dot in it is no film's.
         folders = [os.path.join(output, name, "") for name in names]
@@ -79,5 +79,5 @@ def _name(template: str, source: str, number: int) -> str:
         ) from error
     parts = name.split("/")
     if any(part in ("", ".", "..") for part in parts) or os.path.isabs(name):
-        raise UsageError(f"name: {name!r} is no name of a folder in OUTPUT_DIR")
+        raise UsageError(f"name: {name!r} is not a valid folder name in OUTPUT_DIR")
     return name

@@ -31,7 +31,7 @@ def add_preview(commands: Any) -> None:
     """Add the subcommand, with the settings' flags as `convert` has them."""
     parser = commands.add_parser(
         "preview",
-        help="a film or still to look at, from a clip or from a converted folder",
+        help="make an HDR10, HLG or SDR film or still from a clip or a converted folder",
         description="Make an HDR10 or HLG film, or a view for SDR monitors. A clip is converted on "
         "the fly by the settings below; a converted folder is shown as it is.",
         epilog=EXAMPLES,
@@ -40,7 +40,7 @@ def add_preview(commands: Any) -> None:
     parser.add_argument(
         "preview_source",
         metavar="SOURCE",
-        help="a clip, a converted folder, or - for what is piped in",
+        help="a clip, a converted folder, or - for standard input",
     )
     parser.add_argument(
         "output",
@@ -68,7 +68,9 @@ def _run(args: argparse.Namespace) -> int:
     tell_config(args, *([] if settings is None else [Settings]), RunOptions, PreviewOptions)
     to_pipe = args.output == "-"
     if to_pipe and args.json:
-        raise UsageError("standard output carries the film", remedy="Leave --json out.")
+        raise UsageError(
+            "--json and a film to standard output exclude each other", remedy="Omit --json."
+        )
     progress = progress_of(args)
     if settings is not None:
         progress.detail(in_words(settings))

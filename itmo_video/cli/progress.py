@@ -20,7 +20,7 @@ _BAR, _NAME = 24, 30  # columns at most
 class Progress:
     """Tells events: as JSON on standard output, else on standard error, with a bar on terminals.
 
-    `is_verbose` tells each frame in a line of its own, and so does `log`, whatever is quiet.
+    `is_verbose` reports each frame in a line of its own, and so does `log`, whatever is quiet.
     `about` is the input that notices are of, where a command has several.
     """
 
@@ -46,7 +46,7 @@ class Progress:
         self._lost: Exception | None = None
 
     def on_event(self, event: Event) -> None:
-        """Tell one event."""
+        """Report one event."""
         if self._as_json:
             self._tell(json.dumps(as_json(event)))
         match event:
@@ -54,7 +54,7 @@ class Progress:
                 self._name, self._output = os.path.basename(os.path.normpath(source)), output
                 self._began = time.monotonic()
                 to = f" to {output}" if output else ""
-                there = f", {present} there before" if present else ""
+                there = f", {present} already present" if present else ""
                 self.detail(f"{source}{to}: {counted(frames, 'frame') if frames else 'frames'}"
                             f"{' as they come' if not frames else ''}{there}")  # fmt: skip
                 self._draw(0, frames - present)
@@ -102,11 +102,11 @@ class Progress:
 
     def _sum_up(self, event: Finished) -> None:
         where = f"{self._output}: " if self._output else ""
-        present = f", {event.present} there before" if event.present else ""
+        present = f", {event.present} already present" if event.present else ""
         peak = event.peak_nits if event.peak_nits is not None else event.max_cll
         brightest = f", peak {peak:.0f} nits" if peak else ""
         self._say(
-            f"{where}{counted(event.written, 'frame')} made{present}{brightest}, "
+            f"{where}{counted(event.written, 'frame')} rendered{present}{brightest}, "
             f"{event.seconds:.1f} s, {event.bytes_written / 1e6:.1f} MB"
         )
 

@@ -13,9 +13,9 @@ def add_report(commands: Any) -> None:
     """Add the subcommand."""
     parser = commands.add_parser(
         "report",
-        help="one self-contained HTML page about a conversion",
+        help="write a self-contained HTML report (QC) of a conversion",
         description="Write a page about a converted folder: a viewer with read-outs in nits, light "
-        "over time, light levels, settings. It works from the disk and asks nothing of a network.",
+        "over time, light levels, settings. It works offline.",
     )
     parser.add_argument("folder", metavar="OUTPUT_DIR", help="a converted folder")
     add_options(parser, ReportOptions)

@@ -20,14 +20,16 @@ def add_run_options(parser: argparse.ArgumentParser) -> None:
     group = parser.add_argument_group("run")
     add_options(group, RunOptions)
     group.add_argument(
-        "--verify", action="store_true", help="only check what is there; exit code 7"
+        "--verify",
+        action="store_true",
+        help="only check the output; exit code 7 if it is incomplete",
     )
     group.add_argument(
-        "--dry-run", action="store_true", help="say what would be done and do nothing"
+        "--dry-run", action="store_true", help="print frames, disk space and memory; do nothing"
     )
     group.add_argument(
         "--scheduler", metavar="ADDRESS|local",
-        help="on a Dask cluster, or on one of --jobs processes here (extra `cluster`)",
+        help="run on a Dask cluster, or on --jobs processes here (extra `cluster`)",
     )  # fmt: skip
     for name, what in (("ca-file", "authority"), ("cert", "certificate"), ("key", "key")):
         group.add_argument(
@@ -39,23 +41,27 @@ def add_run_options(parser: argparse.ArgumentParser) -> None:
 
 
 def add_telling(group: Any, *, has_json: bool = True) -> None:
-    """Add the flags of what is told while a command runs."""
+    """Add the flags of what is reported while a command runs."""
     loud = group.add_mutually_exclusive_group()
     loud.add_argument("--quiet", action="store_true", help="no progress and no notices")
     loud.add_argument(
-        "--verbose", action="store_true", help="tell the settings, and each frame as it is made"
+        "--verbose",
+        action="store_true",
+        help="print the settings, and each frame as it is finished",
     )
     group.add_argument(
-        "--log", metavar="FILE", help="append all that --verbose tells to a file, with times"
+        "--log",
+        metavar="FILE",
+        help="append everything that --verbose prints to a file, with times",
     )
     if has_json:
         group.add_argument(
-            "--json", action="store_true", help="one line of JSON an event on standard output"
+            "--json", action="store_true", help="print events as JSON lines on standard output"
         )
 
 
 def progress_of(args: argparse.Namespace, about: str | None = None) -> Progress:
-    """Who tells events as the flags of `add_telling` ask for; `about` is the input of several."""
+    """Reports events as the flags of `add_telling` ask for; `about` is the input of several."""
     from itmo_video.cli.progress import Progress
 
     return Progress(

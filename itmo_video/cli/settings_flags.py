@@ -15,15 +15,13 @@ from itmo_video.settings import Settings
 def add_settings(parser: argparse.ArgumentParser) -> None:
     """Add a flag for the preset and for each setting."""
     group = parser.add_argument_group(
-        "settings (each may stand in a preset's TOML, too; in brackets what holds without either)"
+        "settings (also keys of a preset's TOML; defaults in parentheses)"
     )
     group.add_argument(
         "--preset", default=None, metavar="NAME|FILE.toml",
-        help="a named set of settings that flags override (default)",
+        help="preset to start from; flags override it (default)",
     )  # fmt: skip
-    group.add_argument(
-        "--no-config", action="store_true", help="leave the config file of the user out"
-    )
+    group.add_argument("--no-config", action="store_true", help="ignore the user's config file")
     defaults = vars(make_settings())
     add_options(group, Settings, defaults=defaults, negatable=True)
 

@@ -12,7 +12,7 @@ _LOST = (errno.EPIPE, errno.ENOSPC, errno.EBADF, errno.EIO)
 
 
 class _Unlosable:
-    """Standard error, or nothing: what cannot be told there must not end the work."""
+    """Standard error, or nothing: what cannot be printed there must not end the work."""
 
     def __init__(self, stream: TextIO) -> None:
         self._stream = stream
@@ -60,7 +60,7 @@ def lost_output(error: OSError) -> int | None:
         return 0
     print(
         f"itmo-video: standard output cannot be written ({error.strerror})\n"
-        "Make space or give another place, then run the same command again.",
+        "Free some space or choose another place, then run the same command to resume.",
         file=sys.stderr,
     )
     return 5

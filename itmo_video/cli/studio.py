@@ -20,7 +20,7 @@ def add_studio(commands: Any) -> None:
     """Add the subcommand, with the settings' flags as `convert` has them."""
     parser = commands.add_parser(
         "studio",
-        help="a page in the browser to find the look by looking",
+        help="find the look interactively, in the browser",
         description="Open a clip in a page on this machine: scrub, compare, try settings for the "
         "clip or for single shots, save them, render. Nothing leaves the machine. Ctrl-C ends it.",
     )

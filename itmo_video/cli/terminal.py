@@ -10,7 +10,7 @@ _COLOURS = {"red": "\x1b[1;31m", "yellow": "\x1b[33m"}
 
 
 def has_colour(stream: TextIO) -> bool:
-    """Whether to colour what is told there: on terminals, unless NO_COLOR or TERM=dumb says no."""
+    """Whether to colour what is printed there: terminals, without NO_COLOR and TERM=dumb."""
     if os.environ.get("NO_COLOR") or os.environ.get("TERM") == "dumb":
         return False
     return stream.isatty()

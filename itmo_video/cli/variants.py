@@ -25,7 +25,7 @@ def add_variants(commands: Any) -> None:
     """Add the subcommand, with the settings' flags as `convert` has them."""
     parser = commands.add_parser(
         "variants",
-        help="a contact sheet of one frame: all presets, or a setting at several values",
+        help="make a contact sheet of presets, or of one setting's values",
         description="Show one frame in variants side by side, tone-mapped for SDR monitors, as a "
         "picture or as a page.",
         epilog=EXAMPLES,

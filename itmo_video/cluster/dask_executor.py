@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from distributed import Client
 
 WAIT_S = 60  # for the scheduler, then for its first worker
-AGAIN = "run the same command again: it goes on where it stopped."
+AGAIN = "run the same command again: it resumes where it stopped."
 
 
 def cluster_executor(address: str, tls: Tls | None = None) -> Executor:

@@ -190,7 +190,7 @@ def _other_settings(numbers: list[int], folder: OutputFolder) -> OutputError:
     return OutputError(
         f"frames {format_ranges(numbers)} were made with other settings",
         where=str(folder.path),
-        remedy="--update makes them again; or choose another folder.",
+        remedy="--update re-renders them; or choose another folder.",
     )
 
 

@@ -41,10 +41,10 @@ class NumbersFrom(Mapping[int, int]):
         return index
 
     def __iter__(self) -> Iterator[int]:
-        raise TypeError("how many frames a pipe has is not known")
+        raise TypeError("the number of frames of a pipe is unknown")
 
     def __len__(self) -> int:
-        raise TypeError("how many frames a pipe has is not known")
+        raise TypeError("the number of frames of a pipe is unknown")
 
 
 def first_number(run: RunOptions) -> int:
@@ -99,9 +99,9 @@ def convert_pipe(
         if not run.null:
             if not run.overwrite and folder.path.is_dir() and folder.frame_numbers():
                 raise OutputError(
-                    "there are frames already, and a pipe's cannot be resumed",
+                    "the folder has frames already, and a pipe cannot be resumed",
                     where=str(output),
-                    remedy="--overwrite makes all of them again; or choose another folder.",
+                    remedy="--overwrite re-renders all of them; or choose another folder.",
                 )
             folder.claim(plan.manifest, overwrite=run.overwrite, update=False)
             folder.sweep_temp_files()
@@ -141,7 +141,9 @@ def pipe_damage(clip: PipeClip, run: RunOptions, missing: Sequence[int] = ()) ->
 
 def _check_run(run: RunOptions) -> None:
     if run.update:
-        raise UsageError("a pipe's frames are all made anew", remedy="Leave --update out.")
+        raise UsageError(
+            "a pipe cannot be resumed, all frames are rendered", remedy="Omit --update."
+        )
 
 
 def _render(

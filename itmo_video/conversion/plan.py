@@ -43,7 +43,7 @@ class Plan:
     """What a conversion would do: frames by number, and the folder and fingerprints they go by.
 
     `shots` are sorted and apart from each other; frames in none of them follow `look`. `notices` is
-    what people should be told before.
+    what should be reported before.
 
     >>> from itmo_video import RunOptions, Settings, open_clip
     >>> from itmo_video.conversion.plan import make_plan
@@ -196,7 +196,7 @@ def _check_timecode(info: ClipInfo, settings: Settings) -> None:
         raise UsageError(
             f"EXR's timeCode counts 30 frames a second at most, the clip has {info.frame_rate}",
             where=info.path,
-            remedy="Leave --timecode out.",
+            remedy="Omit --timecode.",
         )
     if code != "auto" and int(code[-2:]) >= base:
         raise UsageError(f"timecode {code}: at {base} fps there is no frame {code[-2:]}")

@@ -22,21 +22,29 @@ class RunOptions:
     """
 
     frames: str | None = option(
-        None, str, "numbers as in the file names: 1-100,200-300x2", metavar="RANGES"
+        None, str, "frames to render, numbered as the files: 1-100,200-300x2", metavar="RANGES"
     )
     start_number: int | None = option(
-        None, int, "of the first frame (1; image sequences keep their own)", lower=0, metavar="N"
+        None,
+        int,
+        "number of the first frame (1; image sequences keep their own)",
+        lower=0,
+        metavar="N",
     )
     jobs: int | None = option(
         None, int, "worker threads (the cores)", lower=1, upper=4096, metavar="N"
     )
-    overwrite: bool = option(False, bool, "replace what is there; of a folder, all frames")
-    update: bool = option(False, bool, "make again what other settings made")
-    durable: bool = option(False, bool, "wait until each file is on the disk")
-    null: bool = option(False, bool, "make everything, write nothing")
-    max_pixels: int = option(2**27, int, "a frame, at most", lower=1, metavar="N")
+    overwrite: bool = option(
+        False, bool, "overwrite existing output; re-render all frames of a folder"
+    )
+    update: bool = option(False, bool, "re-render frames whose settings have changed")
+    durable: bool = option(False, bool, "wait until each file is on the disk (fsync)")
+    null: bool = option(False, bool, "render everything, write nothing")
+    max_pixels: int = option(
+        2**27, int, "refuse frames with more than N pixels", lower=1, metavar="N"
+    )
     analysis: Analysis | None = option(
-        None, Analysis, "the file of `analyse`, with its shots as edited",
+        None, Analysis, "shot list written by `analyse`, edited or not",
         metavar="FILE.json", read=read_analysis,
     )  # fmt: skip
 

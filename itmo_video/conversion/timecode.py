@@ -12,7 +12,7 @@ def fits(rate: Fraction) -> bool:
 
 
 def advance(start: str, frames: int, rate: Fraction) -> str | None:
-    """The timecode `frames` frames after `start`, or None if that is no timecode.
+    """The timecode `frames` frames after `start`, or None if that is not a timecode.
 
     "HH:MM:SS:FF", or with ";" before FF for drop frame, which leaves out the first numbers of each
     minute but every tenth (SMPTE 12M-1, 8.1.2). Wraps after 24 hours.

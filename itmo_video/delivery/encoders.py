@@ -1,4 +1,4 @@
-"""The encoders of films and AVIF stills: what they are told, tagged with and given."""
+"""The encoders of films and AVIF stills: their options, tags and frames."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def encode_avif(planes: YCbCr, crf: float, signal: Signal = "pq") -> bytes:
 
 
 def encoder_options(spec: FilmSpec) -> dict[str, str]:
-    """What the encoder of this film is told, by FFmpeg's names."""
+    """The options of this film's encoder, by FFmpeg's names."""
     if spec.codec in ("prores", "prores4444"):
         return {"profile": "3" if spec.codec == "prores" else "4", "vendor": "apl0"}
     if spec.codec == "dnxhr":

@@ -38,7 +38,7 @@ class Band:
 
 
 def false_colour(linear: Picture, scale: Scale, white_nits: float, peak: float) -> Picture:
-    """Luminance as colours that colour-blind people tell apart, with a legend below the picture.
+    """Luminance as colours distinct for colour-blind people, with a legend below the picture.
 
     In nits the steps are round ones, blue up to SDR white and orange above it; in stops they are
     half stops of cividis. `peak` is the brightest, in SDR white.

@@ -74,7 +74,7 @@ def check_speed(codec: Codec, speed: str | None) -> None:
     if speed is not None and speed not in known:
         raise UsageError(
             f"--speed {speed}: {codec} has no such preset",
-            remedy=f"Known: {', '.join(known)}." if known else "Leave --speed out.",
+            remedy=f"Known: {', '.join(known)}." if known else "Omit --speed.",
         )
 
 
@@ -92,7 +92,7 @@ def check_film(path: Path, spec: FilmSpec) -> None:
         )
     if spec.pixel_aspect != 1 and spec.codec == "av1" and path.suffix.lower() == ".mkv":
         raise UsageError(  # AV1's own header has none, and PyAV does not set Matroska's
-            "AV1 in .mkv would lose the shape of its pixels", remedy="Name the output .mp4."
+            "AV1 in .mkv would lose the pixel aspect ratio", remedy="Name the output .mp4."
         )
     if spec.codec == "av1" and spec.chroma != "420":
         raise UsageError("SVT-AV1 encodes 4:2:0 only", remedy="Take --codec hevc or prores.")
@@ -103,9 +103,9 @@ def _check_master(path: Path, spec: FilmSpec) -> None:
     if path.suffix.lower() not in (".mov", ".mkv"):
         raise UsageError(f"{name} goes into .mov or .mkv", remedy="Name the output film.mov.")
     if spec.crf is not None or spec.speed is not None:
-        raise UsageError(f"{name} has a fixed quality", remedy="Leave --crf and --speed out.")
+        raise UsageError(f"{name} has a fixed quality", remedy="Omit --crf and --speed.")
     if spec.chroma not in MASTERS[spec.codec]:
-        raise UsageError(f"{name} is not {':'.join(spec.chroma)}", remedy="Leave --chroma out.")
+        raise UsageError(f"{name} is not {':'.join(spec.chroma)}", remedy="Omit --chroma.")
 
 
 def check_size(spec: FilmSpec) -> None:

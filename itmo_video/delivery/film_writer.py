@@ -41,7 +41,7 @@ class FilmWriter:
     """Writes a film under a temporary name; `finish` completes it and puts it through its gate.
 
     In `with`, a film that is not finished is removed. Sound and chapters are copied from `source`
-    as they are; InputError where it is no regular file in a known container. `first_s` is the first
+    as they are; InputError where not a regular file in a known container. `first_s` is the first
     frame's time in the source. A whole film begins at 0, whenever its source does; of a part, sound
     before it and after the last frame is left out. `notices` says what is not copied.
     """

@@ -63,7 +63,7 @@ def write_film(
     try:
         first = next(shown, None)
         if first is None:
-            raise DamagedInputError("no frame could be made", where=str(pictures.clip))
+            raise DamagedInputError("no frame could be rendered", where=str(pictures.clip))
         height, width = first.planes[0].shape
         spec = replace(spec, width=width, height=height)
         with _writer(output, gate, spec, options, pictures, run, first.time_s) as writer:

@@ -65,7 +65,7 @@ def mastering(peak_nits: float) -> Mastering:
 
 
 def encoder_options(light: Light, peak_nits: float) -> str:
-    """What to tell encoders of a PQ film by y4m, a line each, ready for a shell."""
+    """Options for encoders of a PQ film from y4m, a line each, ready for a shell."""
     stated = mastering(peak_nits)
     cll, fall = light.as_integers
     display, svt = shlex.quote(stated.for_x265()), shlex.quote(stated.for_svt())

@@ -1,7 +1,7 @@
-"""HDR10's static metadata: what encoders are told, and what is completed once a film is whole.
+"""HDR10's static metadata: what encoders are given, and what is completed once a film is finished.
 
 MaxCLL and MaxFALL are known when the last frame has been made, but encoders want them before the
-first. They are told a placeholder, and the finished file's placeholders are written over in place:
+first. They are given a placeholder, and the finished file's placeholders are written over in place:
 so a film costs one rendering, not two. Containers of the MP4 family get `mdcv` and `clli` boxes.
 """
 

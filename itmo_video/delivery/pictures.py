@@ -35,7 +35,7 @@ class Pictures:
     """A film's pictures and what is said of all of them; `mapped` makes something of each.
 
     `stream` is the number of the source's video stream that was asked for. `damage` is filled
-    while they are made: what was cut short or missing; `notices` is what people should be told
+    while they are made: what was cut short or missing; `notices` is what should be reported
     before.
     """
 

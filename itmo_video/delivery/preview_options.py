@@ -36,55 +36,57 @@ class PreviewOptions:
     """
 
     view: View | None = option(
-        None, str, "what to show (hdr10; a JPEG then is SDR with a gain map)", flag="as",
+        None, str, "kind of film or still (hdr10; a JPEG is SDR with a gain map)", flag="as",
         choices=(
             "hdr10", "hlg", "sdr", "compare", "false-colour", "ladder", "aces", "aces-hdr",
             "acescct", "logc3",
         ),
     )  # fmt: skip
-    frame: int | None = option(
-        None, int, "a still of this frame, by its number", lower=0, metavar="N"
-    )
+    frame: int | None = option(None, int, "make a still of this frame", lower=0, metavar="N")
     tone_map: str = option(
-        "bt2390", str, "how HDR is brought back to SDR",
+        "bt2390", str, "tone mapping operator of SDR views",
         choices=("bt2390", "reinhard", "hable", "aces", "clip"),
     )  # fmt: skip
     display_peak: float | None = option(
-        None, float, "of hdr10: map to a display of this peak in nits by BT.2390's EETF",
+        None, float, "hdr10: tone-map to a display of this peak in nits (BT.2390)",
         lower=50, upper=10000, metavar="N",
     )  # fmt: skip
     exposure: float = option(
-        0.0, float, "of sdr, compare and aces, in stops, before the tone map", lower=-20, upper=20,
+        0.0, float, "exposure of sdr, compare and aces, before tone mapping", lower=-20, upper=20,
         metavar="STOPS",
     )  # fmt: skip
     layout: Literal["side", "wipe"] = option(
-        "side", str, "of compare: side by side, or a wipe", choices=("side", "wipe")
+        "side", str, "layout of compare: side by side, or a wipe", choices=("side", "wipe")
     )
-    wipe_at: float = option(0.5, float, "where the wipe is", lower=0, upper=1, metavar="X")
+    wipe_at: float = option(0.5, float, "position of the wipe", lower=0, upper=1, metavar="X")
     hdr_compare: bool = option(
-        False, bool, "compare as an HDR10 film instead of tone-mapped", flag="in-hdr"
+        False, bool, "make compare an HDR10 film instead of tone-mapping it", flag="in-hdr"
     )
-    no_labels: bool = option(False, bool, "leave the names of both sides out of compare")
+    no_labels: bool = option(False, bool, "no labels in compare")
     scale: Literal["stops", "nits"] = option(
         "stops",
         str,
-        "false colour in half stops about SDR white, or in round nits",
+        "scale of false colour: half stops around SDR white, or round nits",
         choices=("stops", "nits"),
     )
     clip: Path | None = option(
-        None, Path, "a folder's source: sound, compare", flag="source", metavar="CLIP"
+        None,
+        Path,
+        "source clip of a converted folder, for sound and compare",
+        flag="source",
+        metavar="CLIP",
     )
-    no_audio: bool = option(False, bool, "leave the source's sound out of the film")
+    no_audio: bool = option(False, bool, "no sound")
     codec: Literal["av1", "hevc", "prores", "prores4444", "dnxhr"] = option(
-        "av1", str, "of a film; the last three are for grading, in .mov",
+        "av1", str, "codec of a film; the last three are for grading, in .mov",
         choices=("av1", "hevc", "prores", "prores4444", "dnxhr"),
     )  # fmt: skip
     chroma: Literal["420", "422", "444"] | None = option(
-        None, str, "4:2:0, 4:2:2 or 4:4:4 (by the codec; av1 has 4:2:0)",
+        None, str, "chroma subsampling (default: by the codec)",
         choices=("420", "422", "444"),
     )  # fmt: skip
     depth: Literal["8", "10"] = option(
-        "10", str, "bits of y4m, 8 for SDR views only", choices=("8", "10")
+        "10", str, "bit depth of y4m; 8 for SDR views only", choices=("8", "10")
     )
     crf: float | Literal["high"] | None = option(
         None, float,
@@ -93,7 +95,7 @@ class PreviewOptions:
         lower=0, upper=63, words=("high",), metavar="Q", aliases=("quality",),
     )  # fmt: skip
     speed: str | None = option(
-        None, str, "the encoder's preset (av1: 5 of 0 slow to 13; hevc: fast)", metavar="PRESET"
+        None, str, "encoder preset (av1: 0 slow to 13 fast, 5; hevc: fast)", metavar="PRESET"
     )
 
     def __post_init__(self) -> None:
@@ -101,6 +103,6 @@ class PreviewOptions:
         for f in dataclasses.fields(self):
             view = _OF_ONE_VIEW.get(f.name)
             if view and self.view != view and getattr(self, f.name) != f.default:
-                raise UsageError(f"{flag_of(f)} is for --as {view} only", remedy="Leave it out.")
+                raise UsageError(f"{flag_of(f)} is for --as {view} only", remedy="Omit it.")
         if self.hdr_compare and self.tone_map != "bt2390":
-            raise UsageError("in-hdr shows HDR as it is", remedy="Leave --tone-map out.")
+            raise UsageError("in-hdr shows HDR as it is", remedy="Omit --tone-map.")

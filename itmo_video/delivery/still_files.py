@@ -36,7 +36,7 @@ def check_still_options(suffix: str, options: PreviewOptions) -> None:
     if options.view == "hlg" and suffix not in (".avif", ".png"):
         raise UsageError("HLG stills are AVIF or PNG", remedy="Name it .avif or .png.")
     if suffix in _JPEG and options.display_peak is not None:
-        raise UsageError("a gain map serves any display", remedy="Leave --display-peak out.")
+        raise UsageError("a gain map serves any display", remedy="Omit --display-peak.")
     if suffix in _JPEG and options.view == "compare" and options.hdr_compare:
         raise UsageError("a comparison in HDR is PQ", remedy="Name it .avif or .png.")
 

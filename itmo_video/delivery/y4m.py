@@ -32,7 +32,7 @@ class ReaderLeftError(Exception):
 
 @dataclass(frozen=True)
 class Y4mSpec:
-    """What a y4m stream says of itself: size in pixels, limited range, chroma sited left."""
+    """The header of a y4m stream: size in pixels, limited range, chroma sited left."""
 
     width: int
     height: int

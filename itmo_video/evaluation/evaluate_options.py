@@ -21,20 +21,29 @@ class EvaluateOptions:
     600.0
     """
 
-    source: Path | None = option(None, Path, "the SDR clip that it was made from", metavar="CLIP")
+    source: Path | None = option(None, Path, "the SDR clip it was converted from", metavar="CLIP")
     motion: Path | None = option(
         None, Path, "known motion, as pan_clip.py writes it", metavar="FILE"
     )
-    reference: Path | None = option(None, Path, "a folder of true EXR files", metavar="TRUTH")
+    reference: Path | None = option(None, Path, "reference: a folder of EXR files", metavar="TRUTH")
     part: str | None = option(
         None, str, "the part of TRUTH's multi-part files, by name or number (default: the first "
         "with R, G and B)", metavar="PART",
     )  # fmt: skip
     key_interval: int | None = option(
-        None, int, "of key_to_key (default: the folder's own, 5)", lower=1, metavar="N"
+        None,
+        int,
+        "key interval for key_to_key (default: the folder's own, 5)",
+        lower=1,
+        metavar="N",
     )
     white_nits: float | None = option(
-        None, float, "of 1.0 (default: the folder's own, 203)", lower=1, upper=10000, metavar="N"
+        None,
+        float,
+        "luminance of 1.0 in nits (default: the folder's own, 203)",
+        lower=1,
+        upper=10000,
+        metavar="N",
     )
     display_peak: float = option(
         1000.0, float, "the display's peak in nits; both sides are clipped to it",
@@ -47,7 +56,7 @@ class EvaluateOptions:
     )  # fmt: skip
     overwrite: bool = option(False, bool, "replace the film of --heat-map where it exists")
     pixels_per_degree: float = option(
-        45.0, float, "of the visual field, for ColorVideoVDP", lower=1, upper=1000, metavar="N"
+        45.0, float, "viewing resolution for ColorVideoVDP", lower=1, upper=1000, metavar="N"
     )
     ibl: bool = option(
         False, bool,

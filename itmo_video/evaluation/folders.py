@@ -47,7 +47,7 @@ class ExrSequence:
 
     @property
     def notices(self) -> tuple[str, ...]:
-        """What people should be told before."""
+        """What should be reported before."""
         return () if self.made is None else self.made.notices
 
     @property

@@ -1,4 +1,4 @@
-"""What a report tells of each frame, and of all frames: light, map, flicker, cuts."""
+"""What a report shows of each frame, and of all frames: light, map, flicker, cuts."""
 
 from __future__ import annotations
 

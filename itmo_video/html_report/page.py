@@ -285,7 +285,7 @@ def _markup(text: str) -> Any:
 
 
 def require_templates() -> None:
-    """Raise UsageError where the extra "report" is missing: to be told before the work."""
+    """Raise UsageError where the extra "report" is missing: to be known before the work."""
     _templates()
 
 

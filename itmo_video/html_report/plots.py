@@ -1,4 +1,4 @@
-"""Plots as SVG text, made to be told apart by dash as well as by colour (Okabe and Ito 2008)."""
+"""Plots as SVG text, distinguished by dash as well as by colour (Okabe and Ito 2008)."""
 
 from __future__ import annotations
 

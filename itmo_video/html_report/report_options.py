@@ -21,10 +21,10 @@ class ReportOptions:
     """
 
     output: Path | None = option(
-        None, Path, "OUTPUT_DIR/report.html unless given", metavar="FILE.html"
+        None, Path, "file to write (OUTPUT_DIR/report.html)", metavar="FILE.html"
     )
     clip: Path | None = option(
-        None, Path, "the clip it was made of: before and after", flag="source", metavar="CLIP"
+        None, Path, "the source clip, for before and after", flag="source", metavar="CLIP"
     )
     overwrite: bool = option(False, bool, "replace FILE.html")
 

@@ -18,7 +18,7 @@ MAX_WIDTH = 640
 def viewer_data(
     embedded: Sequence[embed.Embedded], numbers: Sequence[int], pictures: Pictures
 ) -> dict[str, Any]:
-    """What the viewer is told, as JSON values; `numbers` are those of all frames of the film."""
+    """What the viewer is given, as JSON values; `numbers` are those of all frames of the film."""
     peak = pictures.peak_nits / pictures.white_nits
     positions = {number: i for i, number in enumerate(numbers)}
     last = max(1, len(numbers) - 1)

@@ -26,7 +26,7 @@ def arithmetic() -> str:
 
 @functools.lru_cache(maxsize=1)
 def _vector_units() -> tuple[str, str]:
-    """The best that OpenCV and NumPy use here; both can be told to do without some."""
+    """The best that OpenCV and NumPy use here; both can be made to do without some."""
     # "SSE2 *SSE4.2 *AVX2?": a star for what is chosen as it runs, ? for what is not there.
     line = [word.strip("*") for word in cv2.getCPUFeaturesLine().split() if word[-1] != "?"]
     core = getattr(np, "_core", None)

@@ -1,4 +1,4 @@
-"""Cuts, flashes and where keys stand, told from a bounded window of frames.
+"""Cuts, flashes and keyframes, found from a bounded window of frames.
 
 Keys stand on `index % key_interval == 0`, on both sides of a cut and on the clip's last frame, so
 that any range finds the same ones.

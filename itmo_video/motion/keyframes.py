@@ -36,7 +36,7 @@ class Key:
 class Span:
     """Frames [key, ..., next key): the keys' pictures and maps, and the frames to be rendered.
 
-    `right` is None where the span is a single key frame. `flashes` are the indices of frames that
+    `right` is None where the span is a single keyframe. `flashes` are the indices of frames that
     have nothing of the keys' maps.
     """
 

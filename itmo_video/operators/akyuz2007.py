@@ -1,7 +1,7 @@
 """Akyuz et al. 2007: linear scaling, or a power, of what range the frame has.
 
 The formula is from memory and agrees with the HDR Toolbox of Banterle et al.; the publication was
-not at hand.
+not available.
 """
 
 from __future__ import annotations

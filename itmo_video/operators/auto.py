@@ -46,7 +46,7 @@ TEXTURE = Guard(radius_px=21, epsilon=0.02, curve_map=3)
 
 
 def map_auto(rgb_linear: Float32, context: Context, wrap_x: bool = False) -> Float32:
-    """What a keyframe tells: float32 (H, W, 4) in [0, 1].
+    """The evidence of a keyframe: float32 (H, W, 4) in [0, 1].
 
     Expected log2 of R, G and B of each place were they clipped, over log2 L'max, and eq. 11's
     weight over GREATEST_WEIGHT. `rgb_linear` is the picture at analysis size, float32 (H, W, 3) in

@@ -1,4 +1,4 @@
-"""How far each clipped place lies above white, in R, G and B apart, told by a fitted network.
+"""How far each clipped place lies above white, in R, G and B apart, estimated by a fitted network.
 
 Fitted by docs/auto/fit.py to HDR panoramas of known radiance; its weights are auto.onnx, run by
 OpenCV's own cv2.dnn at keyframes. For each of a row of levels above SDR white it gives the share of

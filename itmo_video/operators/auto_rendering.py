@@ -35,7 +35,7 @@ _GAMMA = 2.4
 
 @dataclass(frozen=True)
 class Rendering:
-    """What a picture tells of its own rendering; shares of its pixels, 0 to 1.
+    """The evidence of a picture's own rendering; shares of its pixels, 0 to 1.
 
     `clipped` have their greatest channel at white, `bright` between 0.3 of white and there;
     `white` is the level, of SDR white, that all but a thousandth stay below; `middle_code` the

@@ -4,7 +4,7 @@ Both stretch the picture to L'max / alpha and multiply by 1 to alpha where a map
 light is near. The map is the operator's own and is carried by the keyframes.
 
 Both are from memory: Kovaleski and Oliveira's constants agree with the HDR Toolbox of Banterle et
-al.; Rempel's publication was not at hand.
+al.; Rempel's publication was not available.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ def map_rempel2007(luminance: Float32, context: Context) -> Float32:
     """The blurred mask of clipped pixels, stopped at strong edges: float32 (H, W) in [0, 1].
 
     The blur is a Gaussian of `sigma` pixels at HD. The edge stopping is a fill that starts from
-    the clipped pixels and goes on where gradients are weak; the publication runs it on a pyramid,
+    the clipped pixels and spreads where gradients are weak; the publication runs it on a pyramid,
     ours is on the analysis picture. It takes a pixel as clipped by its luminance, not by one of
     its channels, as luminance is all that an operator is given.
     """

@@ -1,6 +1,6 @@
 """The paper's operator, and the simpler inverse that it improves on (Banterle et al. 2006).
 
-The paper itself was at hand.
+The paper itself was available.
 """
 
 from __future__ import annotations

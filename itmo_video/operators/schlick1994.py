@@ -1,6 +1,6 @@
 """Schlick 1994, inverted: rational quantisation.
 
-The formula is from memory; the publication was not at hand.
+The formula is from memory; the publication was not available.
 """
 
 from __future__ import annotations

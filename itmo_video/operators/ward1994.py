@@ -21,7 +21,7 @@ def scale_factor(adaptation_nits: float, display_nits: float) -> float:
 def curve_ward1994(luminance: Floats, context: Context) -> Floats:
     """L_d / m in units of the display's white, at most L'max at white.
 
-    The scene's adaptation L_wa cannot be told from the picture, so it is a parameter. The inverse
+    The scene's adaptation L_wa cannot be known from the picture, so it is a parameter. The inverse
     is linear: it has no L'max of its own.
     """
     display = context.params["display_nits"]

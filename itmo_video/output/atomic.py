@@ -1,6 +1,6 @@
-"""Files that appear whole or not at all: temporary names that tell their owner, and renames.
+"""Files that appear whole or not at all: temporary names that name their owner, and renames.
 
-A temporary file belongs to the process that its name tells, and is removed by nobody else while
+A temporary file belongs to the process in its name, and is removed by nobody else while
 that one lives (`is_dead`): several processes and machines may write into one folder.
 """
 
@@ -173,14 +173,17 @@ def _sync_folder(folder: Path) -> None:
 
 
 def output_error(error: OSError, path: StrPath) -> OutputError:
-    """Tell a failure to write `path` in the user's words, with the way to go on."""
-    again = "then run the same command again: it goes on where it stopped."
+    """An OutputError for a failure to write `path`, in the user's words, with the remedy."""
+    again = "then run the same command again: it resumes where it stopped."
     if error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG):
-        what, remedy = "no space left to write it", f"Make space, {again}"
+        what, remedy = "no space left to write it", f"Free some space, {again}"
     elif error.errno in (errno.EACCES, errno.EPERM, errno.EROFS):
-        what, remedy = "no right to write it", f"Change its rights or the folder, {again}"
+        what, remedy = (
+            "permission denied",
+            f"Change the permissions or choose another folder, {again}",
+        )
     elif error.errno in (errno.ENOENT, errno.ENOTDIR):
-        what, remedy = "its folder is not there (any more)", f"Bring the folder back, {again}"
+        what, remedy = "its folder does not exist (any more)", f"Restore the folder, {again}"
     else:
         what, remedy = "it cannot be written", f"Look at the disk, {again}"
     return OutputError(f"{what} ({error.strerror})", where=os.fspath(path), remedy=remedy)

@@ -29,7 +29,7 @@ from itmo_video.source.opening import Clip, input_options, open_clip
 class ConvertedShot:
     """Frames `first` to `last` (indices, inclusive) that were made with settings of their own.
 
-    `told` is how they differ from the folder's, as the manifest has it.
+    `told` is how they differ from the folder's, as in the manifest.
     """
 
     first: int
@@ -82,7 +82,7 @@ class Converted:
                 raise OutputError(
                     "it vanished while the folder was read",
                     where=str(path),
-                    remedy="Bring it back, or convert again; then run the same command again.",
+                    remedy="Restore it or convert again, then run the same command again.",
                 ) from error
             raise
         shot = self._shot_of(number)
@@ -106,7 +106,7 @@ class Converted:
             raise InputError(
                 "changed since it was converted: its size, windows, channels or compression",
                 where=str(path),
-                remedy="Run the conversion again, which makes it anew.",
+                remedy="Run the conversion again to re-render it.",
             )
         return image
 
@@ -127,7 +127,7 @@ class Converted:
 
     @property
     def notices(self) -> tuple[str, ...]:
-        """What people should be told before they look at the folder."""
+        """What should be reported before the folder is shown."""
         return (f"frames {self.absent} are not in the folder",) if self.absent else ()
 
     def _shot_of(self, number: int) -> ConvertedShot | None:
@@ -209,10 +209,10 @@ def open_converted(folder: Path) -> Converted:
     found = find_converted(folder)
     if found is None:
         raise InputError(
-            "no conversion's folder", where=str(folder), remedy="Convert a clip first."
+            "not a converted folder", where=str(folder), remedy="Convert a clip first."
         )
     if not found.files:
-        raise InputError("there is no frame in it", where=str(folder))
+        raise InputError("it holds no frames", where=str(folder))
     return found
 
 

@@ -36,9 +36,8 @@ def shortage(needed_bytes: int, left_bytes: int, where: str) -> str | None:
     if needed_bytes <= left_bytes:
         return None
     return (
-        f"about {in_words(needed_bytes)} will be needed and {in_words(left_bytes)} are free at "
-        f"{where}; when the disk is full what is written stays, and after space was made the same "
-        "command goes on"
+        f"about {in_words(needed_bytes)} needed, {in_words(left_bytes)} free at {where}; if the "
+        "disk fills up, free some space and run the same command to resume"
     )
 
 

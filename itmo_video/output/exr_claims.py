@@ -45,7 +45,7 @@ def _check_part(attributes: dict[str, tuple[str, bytes]]) -> None:
         )
     for name, (kind, value) in attributes.items():
         if kind == "rational" and (len(value) != 8 or value[4:] == b"\0\0\0\0"):
-            raise DamageError(f"its {name} is no number")
+            raise DamageError(f"its {name} is not a number")
 
 
 def _window(value: bytes) -> tuple[int, int]:

@@ -1,4 +1,4 @@
-"""The folder that one clip's frames go to: whose it is, what is in it, what can be cleared away.
+"""The folder that one clip's frames go to: its owner, its content, what can be cleared away.
 
 One JSON manifest names the source and the settings; each frame carries its own fingerprint. Several
 processes, on several machines, may work in one folder at the same time: nothing here locks, every
@@ -36,8 +36,8 @@ Forms = Callable[[int], FrameForm | None]  # of frames by number
 
 _PROBLEMS: dict[FrameState, str] = {
     "missing": "missing",
-    "damaged": "damaged: it does not open whole; run the same command again to mend it",
-    "other": "made with other settings or from another source; --update makes it again",
+    "damaged": "damaged; run the same command again to re-render it",
+    "other": "made with other settings or from another source; --update re-renders it",
 }
 
 
@@ -123,7 +123,7 @@ class OutputFolder:
             if os.path.exists(self.manifest_path):  # another process has claimed it just now
                 return self._plan(manifest, overwrite, update)
             raise OutputError(
-                "the folder holds files that no conversion made",
+                "the folder holds files that are not from a conversion",
                 where=str(self.path),
                 remedy="Choose an empty or new folder, or --overwrite to write among them.",
             )
@@ -138,7 +138,7 @@ class OutputFolder:
             raise OutputError(
                 f"the folder was made with other settings ({', '.join(changed)})",
                 where=str(self.path),
-                remedy="--update makes the frames that change again, --overwrite makes all again;"
+                remedy="--update re-renders the frames that change, --overwrite all of them;"
                 " or choose another folder.",
             )
         return "replace" if changed else "join"  # a source that was only renamed is the same

@@ -1,4 +1,4 @@
-"""The one gate for single files that are written: what is there already, and whose it is.
+"""The one gate for single files that are written: what exists already, and who owns it.
 
 A command's inputs are never written over, whatever is asked; another file only where that is asked
 for and the file is of the kind that is written. Checked before any work (`check`), and again when
@@ -113,7 +113,7 @@ class Gate:
 
     def _check_present(self) -> None:
         if _identity(self.path) in self._inputs:
-            raise self._refused("it is what this command reads", "Choose another name.")
+            raise self._refused("it is an input of this command", "Choose another name.")
         try:
             mode = os.stat(self.path).st_mode
             if not stat.S_ISREG(mode):
@@ -126,7 +126,7 @@ class Gate:
             raise self._refused("it is a broken link", "Choose another name.") from error
         except (OSError, InputError) as error:
             raise self._refused(
-                "there is a file that cannot be looked into", "Choose another name."
+                "an existing file there cannot be read", "Choose another name."
             ) from error
         if is_source:
             raise self._refused("it is the source of this folder", "Choose another name.")
@@ -142,7 +142,7 @@ class Gate:
 
 
 def _identity(path: StrPath) -> tuple[int, int] | None:
-    """What tells a file whatever it is called: through links, and where case does not count."""
+    """What identifies a file whatever it is called: through links, in any case."""
     try:
         found = os.stat(path)
     except (OSError, ValueError):

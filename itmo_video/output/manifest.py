@@ -1,4 +1,4 @@
-"""The manifest of an output folder: whose it is, by its source and settings."""
+"""The manifest of an output folder: its owner, by source and settings."""
 
 from __future__ import annotations
 

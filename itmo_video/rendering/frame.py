@@ -40,7 +40,7 @@ def render(
     """Expand one frame; `map_small` is its map at analysis size, None for a map of 1 everywhere.
 
     A map (H, W, 3) weighs each channel by its own; layers then hold eq. 1's mean of the three.
-    `guide` is its `guide.analysis_guide`, where that is at hand.
+    `guide` is its `guide.analysis_guide`, where that is available.
 
     The result is LDR + map * (expanded - LDR), written as a gain on linear RGB so that the hue is
     kept (eq. 3), in the output primaries, in units of SDR white, within half float's range.

@@ -69,7 +69,7 @@ def first_number(info: ClipInfo, asked: int | None) -> int:
         raise UsageError(
             f"an image sequence keeps its own numbers, from {own} on",
             where=info.path,
-            remedy="Leave --start-number out.",
+            remedy="Omit --start-number.",
         )
     return asked
 

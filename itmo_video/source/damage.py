@@ -29,7 +29,7 @@ def check_jpeg(data: bytes) -> None:
         marker = data[at]
         if marker == 0xD9:
             if not has_scan:
-                raise DamageError("there is no picture in it")
+                raise DamageError("there is not a picture in it")
             return
         if marker in _ALONE:
             at += 1

@@ -104,7 +104,7 @@ def decode_all(
             if on_error(packet):
                 return
         except ValueError as error:  # PyAV 19 where FFmpeg has no decoder for the stream
-            raise InputError("its video codec is unknown, nothing here decodes it") from error
+            raise InputError("its video codec is not supported") from error
         yield from frames
         if packet is None or packet.size == 0:
             return

@@ -69,11 +69,11 @@ class SourceFiles:
         now = _stamp(path)
         if now == before:
             return
-        what = "was taken away" if now is None else "changed"
+        what = "was removed" if now is None else "changed"
         raise ReplacedInputError(
             f"it {what} while it was read",
             where=os.fspath(path),
-            remedy="Bring it back, then run the same command again.",
+            remedy="Restore it, then run the same command again.",
         )
 
 
@@ -93,7 +93,7 @@ def file_digest(path: Path) -> str:
     if is_worth_it and (known := remembered.digest(path, found)) is not None:
         return known
     if found.st_size > _MOST_BYTES:
-        raise InputError(f"has {found.st_size} bytes, which is no film", where=os.fspath(path))
+        raise InputError(f"has {found.st_size} bytes, which is not a film", where=os.fspath(path))
     content = xxhash.xxh3_128()
     block = bytearray(_BLOCK)
     view = memoryview(block)

@@ -8,7 +8,7 @@ from itmo_video.model import ClipInfo
 
 
 def clip_facts(info: ClipInfo) -> dict[str, Any]:
-    """What the clip says of itself and what is assumed, as JSON values."""
+    """The clip's metadata and what is assumed, as JSON values."""
     encoding = info.encoding
     width, height = info.display_size
     facts: dict[str, Any] = {

@@ -1,4 +1,4 @@
-"""What a file says of itself before its frames are read: container, packets, tags, content.
+"""A file's metadata before its frames are read: container, packets, tags, content.
 
 Nothing but local files in known containers is opened, and no picture larger than the limit.
 """

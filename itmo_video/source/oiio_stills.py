@@ -70,7 +70,7 @@ def _check(spec: Any, max_pixels: int, where: str) -> None:
     if form.startswith("int"):
         raise InputError(f"its pixels have signs ({form}), so they are no picture", where=where)
     if spec.nchannels > _MOST_CHANNELS:
-        raise InputError(f"it has {spec.nchannels} channels, so it is no picture", where=where)
+        raise InputError(f"it has {spec.nchannels} channels, so it is not a picture", where=where)
 
 
 def _is_inks(spec: Any) -> bool:

@@ -155,7 +155,7 @@ class PipeClip(VideoClip):
             self.broken = f"the stream breaks off ({getattr(error, 'strerror', None) or error})"
 
     def _check_end(self, count: int, size: int) -> None:
-        """See whether the end cuts an uncompressed frame short, which FFmpeg does not tell."""
+        """See whether the end cuts an uncompressed frame short, which FFmpeg does not report."""
         rest, name = self._input.bytes_read - size, self._container.format.name
         if name == "yuv4mpegpipe":
             rest -= self._input.first_line_bytes + count * len(b"FRAME\n")
@@ -166,7 +166,7 @@ class PipeClip(VideoClip):
 
 
 class _Stamps:
-    """The stamps of packets whose frames have not come yet: they tell which frames are lost."""
+    """The stamps of packets whose frames have not come yet: from them lost frames are known."""
 
     def __init__(self, container: Any, stream: Any) -> None:
         # Else a frame may be two packets, or their stamps count another order.

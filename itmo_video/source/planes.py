@@ -43,7 +43,7 @@ _SEMI_PLANAR = re.compile(r"(nv|p[024])(12|21|16|24|42|10|12|16)(le|)")
 
 
 def read_picture(frame: Any) -> Picture:
-    """Copy out a picture's codes; AlreadyHdrError for floats, InputError for what is no picture.
+    """Copy out a picture's codes; AlreadyHdrError for floats, InputError for what is not a picture.
 
     Common formats are taken apart here; rare ones are first unpacked by swscale to a planar format
     of the same kind, never from Y'CbCr to RGB, which it does with a bias.

@@ -54,7 +54,7 @@ def read_facts(data: bytes) -> PngFacts:
             top, bottom = (int.from_bytes(body[at : at + 2], "big") for at in (20, 22))
             facts.delays_s.append(Fraction(top, bottom or 100))
     if b"IDAT" not in seen:
-        raise DamageError("there is no picture in it")
+        raise DamageError("there is not a picture in it")
     return facts
 
 

@@ -20,7 +20,7 @@ _MOST_BYTES = 1 << 16
 
 
 def digest(path: Path, found: os.stat_result) -> str | None:
-    """The digest of `path` if it was remembered for the file that `found` tells of."""
+    """The digest of `path` if it was remembered for the file that `found` describes."""
     try:
         entry = json.loads(read_regular(_place(path), _MOST_BYTES))
     except (InputError, ValueError, RecursionError):

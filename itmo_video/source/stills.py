@@ -127,7 +127,7 @@ class StillClip(Clip):
             check_file(file)
             kind = kind_of(file)
             if kind is None:
-                raise InputError("it is no image of a known format", where=str(file))
+                raise InputError("not an image of a known format", where=str(file))
             picture = read_still(file, kind, self._options.max_pixels)
         except InputError as error:
             if self._is_single:
@@ -163,7 +163,7 @@ def sequence(path: Path) -> dict[int, Path]:
         if found and (len(found[1]) == digits or found[1][0] != "0"):
             files[int(found[1])] = path.parent / entry
     if not files:
-        raise InputError("no file has a name like that", where=str(path))
+        raise InputError("no file matches", where=str(path))
     return files
 
 

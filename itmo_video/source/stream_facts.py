@@ -39,7 +39,7 @@ class StreamFacts:
     """What is known of a stream before its frames are read.
 
     `size` (width, height) in pixels, `form` and `stored` are those of each decoded frame; `turn`
-    brings it upright. `info` is what the clip says of itself to everybody else.
+    brings it upright. `info` is the clip's metadata for everybody else.
     """
 
     decoder: Decoder

@@ -14,8 +14,8 @@ def choose_video(container: Any, wanted: int | None, where: str) -> tuple[Any, s
     """The video stream to read, and a notice where there was a choice.
 
     The one with the number `wanted` in the file; else that flagged as default, of several the
-    first that has more than one frame. Cover art is no film. Raises UsageError for a number that
-    is no video stream, InputError where there is none, or none whose codec is known.
+    first that has more than one frame. Cover art is not a film. Raises UsageError for a number that
+    is not a video stream, InputError where there is none, or none whose codec is known.
     """
     videos = [s for s in container.streams if s.type == "video"]
     if wanted is not None:
@@ -23,7 +23,7 @@ def choose_video(container: Any, wanted: int | None, where: str) -> tuple[Any, s
         if chosen is None:
             known = ", ".join(_named(s) for s in videos) or "none"
             raise UsageError(
-                f"stream {wanted} is no video stream", where=where, remedy=f"There are: {known}."
+                f"stream {wanted} is not a video stream", where=where, remedy=f"There are: {known}."
             )
         if chosen.codec_context is None:
             raise InputError(f"the codec of its stream {wanted} is unknown", where=where)
@@ -34,7 +34,7 @@ def choose_video(container: Any, wanted: int | None, where: str) -> tuple[Any, s
         raise InputError(f"there is {what}", where=where)
     usable = [s for s in films if s.codec_context is not None]
     if not usable:
-        raise InputError("its video codec is unknown, nothing here decodes it", where=where)
+        raise InputError("its video codec is not supported", where=where)
     flagged = [s for s in usable if _has(s, _DEFAULT)] or usable
     chosen = max(flagged, key=lambda s: (s.frames != 1, -s.index))
     if len(films) == 1:

@@ -1,4 +1,4 @@
-"""One render at a time, as a command of its own: it goes on when the page is closed."""
+"""One render at a time, as a command of its own: it continues when the page is closed."""
 
 from __future__ import annotations
 

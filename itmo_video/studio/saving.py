@@ -40,7 +40,7 @@ class Saver:
         """The file or folder called `name`; raises UsageError for what is no plain name."""
         if not name or name != os.path.basename(name) or name.startswith((".", "-")):
             raise UsageError(
-                f"{name!r} is no plain file name",
+                f"{name!r} is not a plain file name",
                 remedy=f"Files go to {self.folder}: give a name without folders.",
             )
         if any(ord(letter) < 32 or letter in '\\:*?"<>|' for letter in name):

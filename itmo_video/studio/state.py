@@ -1,4 +1,4 @@
-"""What the page is told: facts that stay, and the state as it is now."""
+"""What the page is sent: facts that stay, and the current state."""
 
 from __future__ import annotations
 

@@ -13,12 +13,12 @@ class StudioOptions:
     """Where the studio saves, and how its page is reached. Validated when made (UsageError)."""
 
     folder: Path = option(
-        Path(), Path, "where files are saved and rendered to (this folder)", metavar="DIR"
+        Path(), Path, "folder to save and render to (the current one)", metavar="DIR"
     )
     port: int = option(
-        0, int, "port of the page, a free one for 0", lower=0, upper=65535, metavar="N"
+        0, int, "port of the page; 0 picks a free one", lower=0, upper=65535, metavar="N"
     )
-    no_browser: bool = option(False, bool, "only print the page's address")
+    no_browser: bool = option(False, bool, "print the page's address, open no browser")
 
     def __post_init__(self) -> None:
         check_options(self)

@@ -109,7 +109,7 @@ def _read(name: str, spec: Spec, text: str) -> Any:
     try:
         return spec.kind(text)
     except ValueError:
-        raise UsageError(f"{flag_name(name)}: {text!r} is no number") from None
+        raise UsageError(f"{flag_name(name)}: {text!r} is not a number") from None
 
 
 def _said(value: Any) -> str:

@@ -11,14 +11,12 @@ from itmo_video.options import check_options, option
 class VariantsOptions:
     """What is varied, and on which frame. Validated when made (UsageError)."""
 
-    vary: str = option("presets", str, "a setting's name, or presets", metavar="SETTING")
+    vary: str = option("presets", str, "setting to vary, or presets", metavar="SETTING")
     values: tuple[str, ...] = option(
-        (), tuple, "its values, or presets' names, comma-separated (some usual ones)",
+        (), tuple, "values or preset names, comma-separated (default: typical ones)",
         metavar="VALUE,...",
     )  # fmt: skip
-    frame: int | None = option(
-        None, int, "number of the frame (the middle one)", lower=0, metavar="N"
-    )
+    frame: int | None = option(None, int, "frame to show (the middle one)", lower=0, metavar="N")
     overwrite: bool = option(False, bool, "replace OUT")
 
     def __post_init__(self) -> None:

@@ -103,7 +103,7 @@ def test_every_way_in(kind: str, made: Path, tmp_path: Path) -> None:
 )  # fmt: skip
 def test_rationals(text: str, value: Fraction | None) -> None:
     if value is None:
-        with pytest.raises(ValueError, match="no number"):
+        with pytest.raises(ValueError, match="not a number"):
             parse_rational(text)
     else:
         assert parse_rational(text) == value

@@ -188,7 +188,7 @@ def test_a_render_is_cancelled_and_failures_are_told(desk: Desk, tmp_path: Path)
     assert desk.runner._follower is not None
     desk.runner._follower.join(60)
     assert desk.runner.progress.state == "failed"
-    assert "no conversion made" in desk.runner.progress.message
+    assert "not from a conversion" in desk.runner.progress.message
 
 
 def test_many_clicks_pile_up_no_work() -> None:
