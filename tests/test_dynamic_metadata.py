@@ -178,7 +178,8 @@ def test_files_are_not_written_over_and_settings_not_ignored(
     assert notes.read_text() == "{}\n"
     assert main(["analyse", str(folder), "--hdr10", "--peak-nits", "400"]) == 2
     assert main(["analyse", str(clip), "--analysis", str(notes)]) != 0
-    capsys.readouterr()
+    assert main(["analyse", "-", "--hdr10plus", str(tmp_path / "x.json")]) == 2
+    assert "a pipe is read once" in capsys.readouterr().err
 
 
 def test_the_eetf_is_bt2390s() -> None:

@@ -168,3 +168,11 @@ def test_a_file_of_somebodys_is_left_alone(clip: Path, tmp_path: Path) -> None:
     path.write_text("my notes\n")
     assert main(["analyse", str(clip), "--output", str(path), "--overwrite"]) == 5
     assert path.read_text() == "my notes\n"
+
+
+@pytest.mark.parametrize("name", ["a.edl", "a.otio"])
+def test_an_edit_list_is_replaced_where_that_is_asked_for(
+    clip: Path, tmp_path: Path, name: str
+) -> None:
+    flags = ["analyse", str(clip), "--output", str(tmp_path / name), "--quiet"]
+    assert [main(flags), main(flags), main([*flags, "--overwrite"])] == [0, 5, 0]

@@ -18,7 +18,7 @@ from itmo_video.cli.main import main
 from itmo_video.cli.progress import bar_line
 from itmo_video.cli.terminal import named
 from itmo_video.conversion.convert import peak_of
-from itmo_video.errors import OutputError, UsageError
+from itmo_video.errors import InputError, OutputError, UsageError
 from itmo_video.output.exr import read_exr
 from itmo_video.presets import make_settings
 
@@ -110,6 +110,18 @@ def test_a_wrong_config_is_refused_by_its_name(
     assert words in told
     assert str(config) in told
     assert not (tmp_path / "o").exists()
+
+
+def test_a_home_of_somebody_elses_does_not_end_the_work(
+    clip: Path, tmp_path: Path, config: Path, capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:  # fmt: skip
+    def denied(path: Path) -> None:
+        raise InputError("cannot be read", where=str(path)) from PermissionError(13, "denied")
+
+    monkeypatch.setattr("itmo_video.cli.config_file.read_toml", denied)
+    assert main(["convert", str(clip), str(tmp_path / "o"), "--dry-run"]) == 0
+    assert "permission denied, so no config file is read" in capsys.readouterr().err
 
 
 def test_quiet_and_json_say_nothing_of_it_on_standard_output(

@@ -125,12 +125,13 @@ def _analyse_to(args: argparse.Namespace, settings: Settings, run: RunOptions) -
     """
     from itmo_video.analysis.analyse import analyse
     from itmo_video.analysis.edit_lists import is_edit_list
-    from itmo_video.output.gate import ANALYSIS, Gate
+    from itmo_video.output.gate import ANALYSIS, EDIT_LIST, Gate
     from itmo_video.source.opening import input_files
 
     gate, as_edit = None, args.output is not None and is_edit_list(args.output)
     if args.output is not None:
-        gate = Gate(args.output, ANALYSIS, inputs=input_files(args.input), overwrite=run.overwrite)
+        kind = EDIT_LIST if as_edit else ANALYSIS
+        gate = Gate(args.output, kind, inputs=input_files(args.input), overwrite=run.overwrite)
         gate.check()
 
     progress = progress_of(args)

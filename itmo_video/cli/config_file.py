@@ -38,11 +38,15 @@ _TABLES: dict[str, tuple[type[Any], tuple[str, ...] | None]] = {
 
 @dataclass(frozen=True)
 class Config:
-    """A config file's values by the fields' names, for each kind of options; empty without one."""
+    """A config file's values by the fields' names, for each kind of options; empty without one.
+
+    `notice` says why a file that may be there is left out.
+    """
 
     path: Path | None = None
     preset: str | None = None
     values: Mapping[type[Any], Mapping[str, Any]] = field(default_factory=dict)
+    notice: str | None = None
 
     def of(self, kind: type[Any]) -> Mapping[str, Any]:
         """The values for options of this kind."""
@@ -68,6 +72,9 @@ def read_config(path: Path) -> Config:
     except InputError as error:
         if isinstance(error.__cause__, FileNotFoundError | NotADirectoryError):
             return Config()
+        if isinstance(error.__cause__, PermissionError):
+            # Services run with a HOME of somebody else's: that must not end their work.
+            return Config(notice=f"{path}: permission denied, so no config file is read")
         raise _wrong(error.what, path) from error
     if unknown := sorted(set(content) - {"preset", *_TABLES}):
         raise _wrong(f"unknown entry {', '.join(unknown)}", path)
@@ -128,9 +135,12 @@ def tell_config(args: argparse.Namespace, *kinds: type[Any]) -> None:
         ]
     if Settings in kinds and config.preset is not None and args.preset is None:
         told.insert(0, f"preset {config.preset}")
-    if not told:
+    if config.notice is not None:
+        message = config.notice
+    elif told:
+        message = f"from {config.path}: {', '.join(told)} (--no-config leaves it out)"
+    else:
         return
-    message = f"from {config.path}: {', '.join(told)} (--no-config leaves it out)"
     if getattr(args, "log_file", None) is not None:
         args.log_file.write(message)
     if not getattr(args, "quiet", False):

@@ -23,6 +23,7 @@ from itmo_video.errors import DamagedInputError, UsageError
 from itmo_video.events import FrameDone, OnEvent, Started, Warned, ignore
 from itmo_video.output.converted import open_converted
 from itmo_video.settings import Settings
+from itmo_video.source.pipe import is_pipe
 
 TENTHS = 100_000  # of a nit, PQ's 10,000
 
@@ -121,6 +122,11 @@ def film_light_by_shots(
             raise UsageError("the analysis is of another clip", where=found.where)
         offset = converted.first_number - found.first_number
     else:
+        if is_pipe(source):
+            raise UsageError(
+                "a pipe is read once, and its shots must be found first", where=str(source),
+                remedy="Give the clip as a file; --hdr10 alone reads pipes.",
+            )  # fmt: skip
         if found is None:
             found = analyse(
                 source, settings, start_number=run.start_number, max_pixels=run.max_pixels,
