@@ -145,7 +145,7 @@ def test_a_wrong_shot_is_named(found: Analysis, change: dict[str, Any], words: s
         ({"shots": {}}, "list"),
         ({"shots": [3]}, "not a table"),
         ({"cuts": [900]}, "no frame"),
-        ({"times_s": ["1/0"]}, "no time"),
+        ({"times_s": ["1/0"]}, "not a time"),
         ({"digest": 7}, "text"),
         ({"frames": -1}, "whole number"),
         ({"bars": None}, "not a table"),

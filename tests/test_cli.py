@@ -113,7 +113,7 @@ def test_the_small_commands_tell(clip: Path, capsys: pytest.CaptureFixture[str])
     assert told["transfer"] == {"value": "srgb", "from": "assumed"}
     assert told["rendering"]["from"].startswith("the first frame")
     assert main(["analyse", str(clip), "--quiet"]) == 0
-    kinds = ("a camera's", "tone-mapped", "nothing reaches white")
+    kinds = ("as by a camera", "tone-mapped", "nothing reaches white")
     (kind,) = (kind for kind in kinds if kind in told["rendering"]["value"])
     assert kind in capsys.readouterr().out, "of one shot both say the same"
     for command in ("presets", "operators"):

@@ -38,16 +38,16 @@ def _peak(statistics: Statistics) -> Suggestion | None:
     if statistics.p50 >= VERY_DARK:
         return None
     reason = f"{FOR_THE_PAPER}: half of the picture is below {statistics.p50:.1%} of white"
-    return Suggestion("peak_nits", 600.0, f"{reason}: lit areas are overshot at a high peak")
+    return Suggestion("peak_nits", 600.0, f"{reason}: a high peak would expand lit areas too far")
 
 
 def _map(statistics: Statistics) -> tuple[Suggestion, ...]:
     share = f"{FOR_THE_PAPER}: {statistics.clipped:.2%} of the pixels are at white"
     if statistics.clipped < FEW_CLIPPED:
-        reason = f"{share}: nothing large is there to be overshot, so the paper's map suits"
+        reason = f"{share}: little is clipped, so the paper's map suits"
         return Suggestion("radius", 16.0, reason), Suggestion("min_lights", 4, reason)
     if statistics.clipped > MANY_CLIPPED:
-        reason = f"{share}: only where lights stand still more densely are they lamps"
+        reason = f"{share}: large areas clip, so a stricter light threshold is needed"
         return (Suggestion("min_lights", 4, reason),)
     if statistics.p50 > DARK:
         reason = (
@@ -62,16 +62,16 @@ def _l_white(statistics: Statistics) -> Suggestion | None:
     if not DARK < statistics.p50 <= BRIGHT:
         return None
     tone = f"the middle tone is {statistics.p50:.0%} of white"
-    reason = f"{FOR_THE_PAPER}: {tone}: it keeps its level beside lamps"
+    reason = f"{FOR_THE_PAPER}: {tone}: this keeps it steady beside lamps"
     return Suggestion("l_white", 12.0, reason)
 
 
 def _keys(statistics: Statistics) -> Suggestion | None:
     told = f"frames differ by {statistics.change:.2%} on average"
     if statistics.change > FAST_CHANGE:
-        return Suggestion("key_interval", 3, f"{told}: fast motion is hard to track for long")
+        return Suggestion("key_interval", 3, f"{told}: fast motion needs keyframes closer together")
     if statistics.change < SLOW_CHANGE:
-        return Suggestion("key_interval", 10, f"{told}: slow motion needs fewer maps")
+        return Suggestion("key_interval", 10, f"{told}: slow motion needs fewer keyframes")
     return None
 
 

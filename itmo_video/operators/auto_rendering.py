@@ -80,7 +80,7 @@ class Rendering:
             return f"{how}, {white}: tone-mapped; eq. 11, L'max {l_max**self.tone_mapped:.1f}"
         if self.white < WHITE_FULL and self.clipped < 1e-3:
             return f"nothing reaches white ({white}): left as it is"
-        return f"{self.clipped:.1%} clipped: a camera's; clipped highlights are restored"
+        return f"{self.clipped:.1%} clipped, as by a camera; clipped highlights are restored"
 
 
 def rendering_of(rgb_linear: Float32, footage: str = "auto") -> Rendering:

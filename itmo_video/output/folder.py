@@ -235,13 +235,18 @@ def _refuse_another(present: Manifest, wanted: Manifest, where: str) -> None:
 
 def _differences(old: Mapping[str, object], new: Mapping[str, object]) -> list[str]:
     def show(values: Mapping[str, object], name: str) -> str:
-        return json.dumps(values[name], sort_keys=True) if name in values else "unset"
+        value = values.get(name)
+        if isinstance(value, float):
+            return f"{value:.6g}"
+        return json.dumps(value, sort_keys=True) if name in values else "unset"
 
     # Folders of before it was recorded are told by their frames' fingerprints.
     names = sorted((old.keys() | new.keys()) - ({"algorithm"} - old.keys()))
     pairs = ((name, show(old, name), show(new, name)) for name in names)
     changed = [
-        _shots_changed(old, new) if name == "shots" else f"{name} {was[:40]} -> {now[:40]}"
+        _shots_changed(old, new)
+        if name == "shots"
+        else f"{name.replace('_', '-')} {was[:40]} -> {now[:40]}"
         for name, was, now in pairs
         if was != now
     ]
