@@ -9,6 +9,16 @@ from itmo_video.output.exr_windows import headers
 
 MOST_PIXEL_BYTES = 5 << 28  # 2**27 pixels of RGBA in half floats, and a quarter more
 _MOST_TILE_BYTES = 1 << 28
+_BYTES_OF = {
+    "box2i": 16, "box2f": 16, "chromaticities": 32, "compression": 1, "double": 8, "envmap": 1,
+    "float": 4, "int": 4, "keycode": 28, "lineOrder": 1, "m33f": 36, "m44f": 64, "rational": 8,
+    "tiledesc": 9, "timecode": 8, "v2f": 8, "v2i": 8, "v3f": 12, "v3i": 12,
+}  # fmt: skip
+_REQUIRED = {  # by the format; OpenEXR's reader crashes where they are not what they should be
+    "channels": "chlist", "compression": "compression", "dataWindow": "box2i",
+    "displayWindow": "box2i", "lineOrder": "lineOrder", "pixelAspectRatio": "float",
+    "screenWindowCenter": "v2f", "screenWindowWidth": "float",
+}  # fmt: skip
 _DEEP = 0x800  # of the version field
 
 
@@ -24,9 +34,12 @@ def check_claims(data: bytes) -> None:
 
 
 def _check_part(attributes: dict[str, tuple[str, bytes]]) -> None:
-    for name in ("dataWindow", "displayWindow"):
-        if name not in attributes:
-            raise DamageError("its header is incomplete")
+    for name, kind in _REQUIRED.items():
+        if attributes.get(name, ("", b""))[0] != kind:
+            raise DamageError(f"its header is incomplete: it has no {name}")
+    for name, (kind, value) in attributes.items():
+        if len(value) != _BYTES_OF.get(kind, len(value)):
+            raise DamageError(f"its {name[:40]!r} is of {len(value)} bytes, which no {kind} is")
     width, height = _window(attributes["dataWindow"][1])
     shown = _window(attributes["displayWindow"][1])
     pixel_bytes = bytes_a_pixel(attributes)
@@ -44,7 +57,7 @@ def _check_part(attributes: dict[str, tuple[str, bytes]]) -> None:
             f" (limit {MOST_PIXEL_BYTES / 2**30:g} GB)"
         )
     for name, (kind, value) in attributes.items():
-        if kind == "rational" and (len(value) != 8 or value[4:] == b"\0\0\0\0"):
+        if kind == "rational" and value[4:] == b"\0\0\0\0":
             raise DamageError(f"its {name} is not a number")
 
 

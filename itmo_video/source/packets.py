@@ -35,6 +35,7 @@ TAG_ERRORS: dict[str, Any] = (
 
 BROADCAST = ("mpegts", "mpeg")
 _JUMP_S = 10  # stamps further apart than this in a broadcast stream are a join
+_AVI_CHUNK_BYTES = 8  # of a chunk's header, at least
 
 
 @dataclass(frozen=True)
@@ -190,6 +191,8 @@ def _empty_chunks(
         last = int(stream.start_time or 0) + int(stream.frames) - 1
     if last - min(shown) >= 2 * int(stream.frames):
         return frozenset()  # its stamps count something else
+    if last - min(shown) > os.stat(container.name).st_size // _AVI_CHUNK_BYTES:
+        return frozenset()  # its header counts more chunks than the file has room for
     return frozenset(range(min(shown), last + 1)) - set(shown)
 
 

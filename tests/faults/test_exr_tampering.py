@@ -82,6 +82,16 @@ def test_no_rational_without_a_denominator(made: Path, tmp_path: Path) -> None:
             read_exr(path)
 
 
+@pytest.mark.parametrize("name", ["pixelAspectRatio", "screenWindowWidth", "screenWindowCenter"])
+def test_an_attribute_that_swallows_the_next(name: str, made: Path, tmp_path: Path) -> None:
+    """OpenEXR's reader of B44 ended in a segmentation fault over one."""
+    data = bytearray((made / "o/c.0001.exr").read_bytes())
+    data[attribute_at(bytes(data), name) - 4] += 88
+    (tmp_path / "m.exr").write_bytes(data)
+    with pytest.raises(InputError, match="not a whole EXR file"):
+        read_exr(tmp_path / "m.exr")
+
+
 @pytest.mark.parametrize("compression", COMPRESSIONS)
 def test_mutants_are_whole_or_refused(compression: str) -> None:
     bad = list(failures(compression, 60, seed=3))

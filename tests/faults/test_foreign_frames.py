@@ -12,7 +12,9 @@ from clips import moving_scene, write_ffv1
 
 from itmo_video import open_result
 from itmo_video.cli.main import main
+from itmo_video.conversion.plan import ALGORITHM
 from itmo_video.errors import InputError, OutputError
+from itmo_video.output import fingerprint
 from itmo_video.output.converted import open_converted
 from itmo_video.output.manifest import MANIFEST_NAME
 
@@ -83,8 +85,11 @@ def test_a_frame_of_another_compression_is_told(made: Path, folder: Path) -> Non
         open_converted(folder).read(3)
 
 
-def test_shots_and_older_manifests_are_known(made: Path, folder: Path, tmp_path: Path) -> None:
+def test_shots_and_older_manifests_are_known(
+    made: Path, folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """A folder with shots of their own, and manifests of before they named the algorithm."""
+    monkeypatch.setattr(fingerprint, "_UNTOLD_ALGORITHMS", (1, ALGORITHM))
     listed = tmp_path / "a.json"
     assert main(["analyse", str(made / "c.mkv"), "--output", str(listed), "--quiet"]) == 0
     found = json.loads(listed.read_text())

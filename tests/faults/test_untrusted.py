@@ -137,3 +137,17 @@ def test_shared_faults(tmp_path: Path) -> None:
     shutil.copytree(FAULTS / "rational0", copy)
     assert main(["preview", str(copy), str(tmp_path / "a.mp4")]) in (3, 4)
     assert main(["report", str(copy)]) in (3, 4)
+
+
+def test_an_avi_that_counts_more_chunks_than_it_has_room_for(tmp_path: Path) -> None:
+    """A number in its header took the memory of two thousand million frames."""
+    path = write_ffv1(tmp_path / "a.avi", moving_scene(4, width=64, height=48))
+    data = bytearray(path.read_bytes())
+    for mark, at in ((b"avih", 8 + 16), (b"strh", 8 + 32)):  # frames in all, of the stream
+        begin = data.index(mark) + at
+        data[begin : begin + 4] = (2**31 - 1).to_bytes(4, "little")
+    path.write_bytes(data)
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    assert main(["convert", str(path), str(tmp_path / "o"), "--quiet"]) in (0, 4)
+    assert len(list((tmp_path / "o").glob("*.exr"))) >= 4
+    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 600_000
