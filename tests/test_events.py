@@ -121,16 +121,17 @@ def test_a_terminal_has_one_line_of_progress_and_what_follows_stands_below(
     monkeypatch.setenv("NO_COLOR", "1")
     stream = _Terminal()
     progress = Progress(as_json=False, quiet=False, stream=stream)
-    progress.on_event(Started("films/clip.mp4", "out/", 3, 0))
-    progress.on_event(FrameDone(1, 1, 3))
-    progress.on_event(Warned("frame 2 is damaged"))
-    progress.on_event(FrameDone(2, 2, 3))
-    progress.on_event(FrameDone(3, 3, 3))
-    progress.on_event(
-        Finished(written=3, present=0, seconds=1.0, bytes_written=1_000_000, peak_nits=812.4)
-    )
+    with progress.on("films/clip.mp4") as on_event:
+        on_event(Started("films/clip.mp4", "out/", 3, 0))
+        on_event(FrameDone(1, 1, 3))
+        on_event(Warned("frame 2 is damaged"))
+        on_event(FrameDone(2, 2, 3))
+        on_event(FrameDone(3, 3, 3))
+        on_event(
+            Finished(written=3, present=0, seconds=1.0, bytes_written=1_000_000, peak_nits=812.4)
+        )
     lines = stream.getvalue().split("\n")
-    assert lines[0].startswith("\rclip.mp4 [")
+    assert lines[0].startswith("\ropening clip.mp4\rclip.mp4 [")
     assert "] 0/3 frames" in lines[0]
     assert lines[1] == "itmo-video: frame 2 is damaged"
     assert lines[2].startswith("\rclip.mp4 [########")

@@ -15,7 +15,7 @@ from clips import exr_bytes, moving_scene, write_ffv1
 
 from itmo_video.cli.log_file import LogFile
 from itmo_video.cli.main import main
-from itmo_video.cli.progress import bar_line
+from itmo_video.cli.progress import Progress, bar_line
 from itmo_video.cli.terminal import named
 from itmo_video.conversion.convert import peak_of
 from itmo_video.errors import InputError, OutputError, UsageError
@@ -236,6 +236,22 @@ def test_colour_is_for_terminals_and_not_where_it_is_refused(
     assert "\x1b" in named("x", _Terminal(), "red")
     monkeypatch.setenv("TERM", "dumb")
     assert "\x1b" not in named("x", _Terminal(), "red")
+
+
+def test_an_error_stands_on_a_line_of_its_own(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    stream = _Terminal()
+    with (
+        pytest.raises(ZeroDivisionError),
+        Progress(as_json=False, quiet=False, stream=stream).on("clip.mp4"),
+    ):
+        raise ZeroDivisionError
+    assert stream.getvalue() == "\ropening clip.mp4\n"
+    quiet = _Terminal()
+    with Progress(as_json=False, quiet=True, stream=quiet).on("clip.mp4"):
+        pass
+    assert quiet.getvalue() == ""
 
 
 def test_the_bar_names_the_input_and_fits() -> None:

@@ -94,14 +94,14 @@ def _metadata(args: argparse.Namespace, run: RunOptions) -> int:
         for kind, path in ((hdr10plus, args.hdr10plus), (dolby_vision, args.dolby_vision))
         if path is not None
     }
-    progress = progress_of(args)
-    if not gates:
-        light, peak = film_light_levels(args.input, settings, run, progress.on_event)
-    else:
-        film = film_light_by_shots(args.input, settings, run, progress.on_event, args.shots)
-        light, peak = film.light, film.peak_nits
-        for kind, gate in gates.items():
-            gate.write(as_text(kind(film, mastering(peak))).encode())
+    with progress_of(args).on(args.input) as on_event:
+        if not gates:
+            light, peak = film_light_levels(args.input, settings, run, on_event)
+        else:
+            film = film_light_by_shots(args.input, settings, run, on_event, args.shots)
+            light, peak = film.light, film.peak_nits
+    for kind, gate in gates.items():
+        gate.write(as_text(kind(film, mastering(peak))).encode())
     if args.hdr10:
         print(encoder_options(light, peak), end="")
     return 0
@@ -134,17 +134,16 @@ def _analyse_to(args: argparse.Namespace, settings: Settings, run: RunOptions) -
         gate = Gate(args.output, kind, inputs=input_files(args.input), overwrite=run.overwrite)
         gate.check()
 
-    progress = progress_of(args)
-    analysis = analyse(
-        args.input,
-        settings,
-        frames=None if run.frames is None else parse_ranges(run.frames),
-        start_number=run.start_number,
-        max_pixels=run.max_pixels,
-        edit=args.shots,
-        on_event=progress.on_event,
-    )
-    progress.close()
+    with progress_of(args).on(args.input) as on_event:
+        analysis = analyse(
+            args.input,
+            settings,
+            frames=None if run.frames is None else parse_ranges(run.frames),
+            start_number=run.start_number,
+            max_pixels=run.max_pixels,
+            edit=args.shots,
+            on_event=on_event,
+        )
     if gate is None:
         print(analysis.to_json(), end="")
         return

@@ -149,7 +149,8 @@ def _convert_one(
     progress.detail(in_words(settings))
     damage: DamagedInputError | None = None
     try:
-        convert(source, output, settings, run, progress.on_event, executor)
+        with progress.on(source) as on_event:
+            convert(source, output, settings, run, on_event, executor)
     except DamagedInputError as error:
         damage = error  # what could be made has its page, too
     if args.report and any(Path(output).glob("*.exr")):

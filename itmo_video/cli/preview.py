@@ -74,7 +74,8 @@ def _run(args: argparse.Namespace) -> int:
     progress = progress_of(args)
     if settings is not None:
         progress.detail(in_words(settings))
-    summary = preview(source, args.output, settings, run, options, progress.on_event)
+    with progress.on(source) as on_event:
+        summary = preview(source, args.output, settings, run, options, on_event)
     if summary.max_cll and not (args.quiet or args.json):
         print(
             f"MaxCLL {summary.max_cll:.0f} nits, MaxFALL {summary.max_fall:.1f} nits",

@@ -6,11 +6,13 @@ import json
 import os
 import sys
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import TextIO
 
 from itmo_video.cli.log_file import LogFile
 from itmo_video.cli.terminal import PROGRAM, named, width_of
-from itmo_video.events import Event, Finished, FrameDone, Started, Warned, as_json
+from itmo_video.events import Event, Finished, FrameDone, OnEvent, Started, Warned, as_json
 from itmo_video.words import counted
 
 _REDRAW_S = 0.1
@@ -68,6 +70,20 @@ class Progress:
             case Finished():
                 self._sum_up(event)
 
+    @contextmanager
+    def on(self, source: str) -> Iterator[OnEvent]:
+        """Name the input at once, as a long film's index takes its time; gives `on_event`.
+
+        However the work ends, what follows stands on a line of its own.
+        """
+        self._name = os.path.basename(os.path.normpath(source))
+        if self._has_bar:
+            self._show(f"opening {self._name}"[: width_of(self._stream) - 1])
+        try:
+            yield self.on_event
+        finally:
+            self.close()
+
     def detail(self, message: str) -> None:
         """Tell what only --verbose and --log want to know."""
         if self._log is not None:
@@ -116,7 +132,10 @@ class Progress:
         if not self._has_bar or (done != total and now - self._drawn < _REDRAW_S):
             return
         self._drawn = now
-        text = bar_line(self._name, done, total, now - self._began, width_of(self._stream) - 1)
+        columns = width_of(self._stream) - 1
+        self._show(bar_line(self._name, done, total, now - self._began, columns))
+
+    def _show(self, text: str) -> None:
         print("\r" + text.ljust(self._shown), end="", file=self._stream, flush=True)
         self._shown = len(text)
 
