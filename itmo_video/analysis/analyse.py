@@ -42,7 +42,7 @@ class _Tally:
         self.histogram = np.zeros(_BINS, np.int64)
         self.total = self.maximum = self.clipped = self.change = 0.0
         self.frames = self.changes = 0
-        self.rendering = np.zeros(4)  # of rendering_of: clipped, bright, white, middle code
+        self.rendering = np.zeros(6)  # measures of rendering_of
 
     def add(self, other: _Tally) -> None:
         self.histogram += other.histogram
@@ -58,8 +58,8 @@ class _Tally:
         """How the frames were rendered to SDR, and what is done; None where nothing asks for it."""
         if settings.operator != "auto":
             return None
-        clipped, bright, white, middle = (self.rendering / max(1, self.frames)).tolist()
-        found = Rendering(clipped, bright, white, middle, settings.footage)
+        measures = (self.rendering / max(1, self.frames)).tolist()
+        found = replace(Rendering(*measures), footage=settings.footage)
         return found.in_words(settings.l_max_effective)
 
     def statistics(self) -> Statistics:
@@ -254,7 +254,7 @@ def _tally(frame: Frame, map_width: int) -> _Tally:
     planes_linear = linear_light.to_rgb_linear(small, clip=True)
     luminance = limited_luminance(planes_linear)
     found = rendering_of(np.clip(np.dstack(list(planes_linear)), 0, 1))
-    tally.rendering[:] = found.clipped, found.bright, found.white, found.middle_code
+    tally.rendering[:] = found.measures
     bins = np.minimum(luminance ** (1 / _GAMMA) * _BINS, _BINS - 1).astype(np.int64)
     tally.histogram = np.bincount(bins.ravel(), minlength=_BINS)
     tally.total, tally.maximum = float(luminance.mean(dtype=np.float64)), float(luminance.max())

@@ -25,9 +25,14 @@ from itmo_video.operators.ramps import ramp, ramps
 CLIPPED_FROM = 0.975  # of white, linear: compression lets clipped areas waver
 BRIGHT_FROM = 0.3
 # Clipped over bright pixels: below the first a picture was tone-mapped, above the second clipped.
-TONE_MAPPED_RATIO, CLIPPED_RATIO = 0.03, 0.065
+# The first pair holds where white is come upon smoothly, the second where codes pile up at it;
+# there all clipped pixels count, too, by PILED_SHARES of the picture.
+SMOOTH_RATIOS, PILED_RATIOS, PILED_SHARES = (0.03, 0.065), (0.026, 0.038), (0.0085, 0.0105)
+JUST_BELOW = 0.95  # of white; clipped over what lies from here on: smooth below 1.3, piled from 2
+SMOOTH_PILE, WHOLE_PILE = 1.3, 2.0
 WHITE_SHARE = 0.999  # of the pixels lie below where white stands
 WHITE_LOW, WHITE_FULL = 0.8, 0.95  # white standing below the first was never folded there
+LOW_RANGE, FULL_RANGE = 2.0, 2.6  # stops from the darkest tenth to white: less needed no folding
 DARK_CODE, ORDINARY_CODE = 0.2, 0.35  # of the middle tone, BT.1886
 GREATEST_WEIGHT = 2.5  # of eq. 11's gain
 _GAMMA = 2.4
@@ -37,7 +42,8 @@ _GAMMA = 2.4
 class Rendering:
     """The evidence of a picture's own rendering; shares of its pixels, 0 to 1.
 
-    `clipped` have their greatest channel at white, `bright` between 0.3 of white and there;
+    `clipped` have their greatest channel at white, `bright` between 0.3 of white and there,
+    `just_below` in the last fortieth of that; a tenth of the pixels lie below the level `dark`;
     `white` is the level, of SDR white, that all but a thousandth stay below; `middle_code` the
     median's code. `tone_mapped` is 0 for a clipped camera, 1 where the highlights were folded;
     `night` 1 where the picture is dark, so that what is bright in it is a light.
@@ -47,7 +53,14 @@ class Rendering:
     bright: float
     white: float
     middle_code: float
+    just_below: float
+    dark: float
     footage: str = "auto"
+
+    @property
+    def measures(self) -> tuple[float, ...]:
+        """What was measured; `footage` is somebody's word."""
+        return self.clipped, self.bright, self.white, self.middle_code, self.just_below, self.dark
 
     @property
     def tone_mapped(self) -> float:
@@ -55,7 +68,13 @@ class Rendering:
         if self.footage != "auto":
             return float(self.footage == "tone-mapped")
         ratio = math.log((self.clipped + 1e-6) / (self.bright + 1e-4))
-        folded = 1 - ramp(ratio, math.log(TONE_MAPPED_RATIO), math.log(CLIPPED_RATIO))
+        pile = math.log((self.clipped + 1e-6) / (self.just_below + 1e-5))
+        piled = ramp(pile, math.log(SMOOTH_PILE), math.log(WHOLE_PILE))
+        smooth = ramp(ratio, *map(math.log, SMOOTH_RATIOS))
+        steep = max(ramp(ratio, *map(math.log, PILED_RATIOS)), ramp(self.clipped, *PILED_SHARES))
+        folded = (1 - piled) * (1 - smooth) + piled * (1 - steep)
+        range_stops = math.log2(max(self.white, 1e-3) / max(self.dark, 1e-3))
+        folded *= ramp(range_stops, LOW_RANGE, FULL_RANGE)
         return folded * ramp(self.white, WHITE_LOW, WHITE_FULL)
 
     @property
@@ -91,12 +110,15 @@ def rendering_of(rgb_linear: Float32, footage: str = "auto") -> Rendering:
     greatest = greatest_of(rgb_linear)
     clipped = greatest >= np.float32(CLIPPED_FROM)
     bright = (greatest >= np.float32(BRIGHT_FROM)) & ~clipped
-    middle, white = np.quantile(greatest, (0.5, WHITE_SHARE))
+    just_below = (greatest >= np.float32(JUST_BELOW)) & ~clipped
+    dark, middle, white = np.quantile(greatest, (0.1, 0.5, WHITE_SHARE))
     return Rendering(
         float(clipped.mean()),
         float(bright.mean()),
         float(white),
         float(middle) ** (1 / _GAMMA),
+        float(just_below.mean()),
+        float(dark),
         footage,
     )
 
@@ -111,9 +133,8 @@ def rendering_of_frame(frame: Frame, map_width: int, footage: str = "auto") -> R
 
 def mean_rendering(renderings: Sequence[Rendering], footage: str = "auto") -> Rendering:
     """What a shot's frames tell together; `renderings` has one at least."""
-    told = [(one.clipped, one.bright, one.white, one.middle_code) for one in renderings]
-    clipped, bright, white, middle_code = np.mean(told, axis=0).tolist()
-    return Rendering(clipped, bright, white, middle_code, footage)
+    measures = np.mean([one.measures for one in renderings], axis=0).tolist()
+    return replace(Rendering(*measures), footage=footage)
 
 
 def curve_weight(rgb_linear: Float32, rendering: Rendering, lamps: float) -> Float32:
