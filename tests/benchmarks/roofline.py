@@ -1,22 +1,18 @@
 """Each step of a frame: the bytes it must move, its CPU time on one core, a copy's time beside it.
 
     python tests/benchmarks/roofline.py [CLIP] [--size 1080p] [--operator auto] [--rounds 15]
-        [--footage auto] [--instructions]
+        [--footage auto]
 
 Without a clip it makes a pan with lamps and grain. A step's bytes are those of its arrays, each
 read or written once, whatever passes it makes over them; its floor is the time in which one core of
 this machine copies as many from memory to memory. A step near its floor waits for memory, one far
 above it computes, one below it works in the cache. The least thread CPU time of all rounds counts,
-as others on the machine only add. `--instructions` counts those of the compiled kernels in one
-frame, by callgrind, for some minutes: in their form for AVX2, as valgrind knows no wider one.
+as others on the machine only add.
 """
 
 from __future__ import annotations
 
 import argparse
-import re
-import subprocess
-import sys
 import tempfile
 import time
 from collections.abc import Iterator
@@ -140,25 +136,6 @@ def decoding_s(clip: Path) -> float:
         return (time.thread_time() - began) / count
 
 
-def instructions(arguments: list[str]) -> dict[str, int]:
-    """Instructions of each compiled kernel in one round, by callgrind."""
-    with tempfile.TemporaryDirectory() as folder:
-        told = Path(folder) / "out"
-        tool = ["valgrind", "--tool=callgrind", "--toggle-collect=itmo_*"]
-        tool += [f"--callgrind-out-file={told}", "--compress-strings=no", "--compress-pos=no"]
-        command = [*tool, sys.executable, __file__, *arguments, "--rounds", "1", "--counted"]
-        subprocess.run(command, check=True, capture_output=True)
-        found: dict[str, int] = {}
-        name = ""
-        for line in told.read_text().splitlines():
-            if line.startswith("fn="):
-                kernel = re.match(r"fn=itmo_(\w+?)(\.arch_\w+|\.default)?(\.\w+)?$", line)
-                name = kernel[1] if kernel else name
-            elif (cost := re.match(r"[+\-*\d]+ (\d+)$", line)) and name:
-                found[name] = found.get(name, 0) + int(cost[1])
-        return found
-
-
 def main() -> None:
     """Measure and print the table."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -167,8 +144,6 @@ def main() -> None:
     parser.add_argument("--operator", default="auto")
     parser.add_argument("--footage", default="auto")
     parser.add_argument("--rounds", type=int, default=15)
-    parser.add_argument("--instructions", action="store_true")
-    parser.add_argument("--counted", action="store_true", help=argparse.SUPPRESS)
     add_plain(parser)
     args = parser.parse_args()
     kernels = require_kernels(args.plain)
@@ -184,10 +159,7 @@ def main() -> None:
         for _ in range(args.rounds):
             frame_steps(meter, frames, look)
             meter.end_round()
-        if args.counted:
-            return
         decoded = min(decoding_s(clip) for _ in range(3))
-        counts = instructions([str(clip), *sys.argv[1:]]) if args.instructions else {}
     speed, (width, height) = copy_speed(), frames[0].size
     print(f"{width}x{height}, operator {args.operator}, footage {args.footage}; {kernels}")
     print(f"{machine()}; a copy moves {speed / 1e9:.1f} GB/s\n")
@@ -202,9 +174,6 @@ def main() -> None:
               f"| {spent / floor:.1f} |")  # fmt: skip
     least = meter.moved["decoding, one thread"] + halves
     print(f"\nCodes in and halves out are {least / 1e6:.1f} MB: {1e3 * least / speed:.1f} ms.")
-    for kernel, count in sorted(counts.items(), key=lambda item: -item[1]):
-        print(f"itmo_{kernel}: {count / 1e6:.1f} million instructions a frame, "
-              f"{count / (width * height):.1f} a pixel")  # fmt: skip
 
 
 if __name__ == "__main__":
