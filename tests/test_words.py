@@ -27,7 +27,9 @@ def test_one_frame_is_made(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -
     assert main(["convert", str(clip), str(tmp_path / "out"), "--dry-run"]) == 0
     assert "1 frame (1) of" in capsys.readouterr().out
     assert main(["convert", str(clip), str(tmp_path / "out")]) == 0
-    assert "1 frame rendered" in capsys.readouterr().err
+    told = capsys.readouterr().err
+    assert "1 frame rendered" in told
+    assert told.count("assumed") == 1, "one notice a clip for all that was assumed"
 
 
 def test_no_flag_is_called_after_its_variable(capsys: pytest.CaptureFixture[str]) -> None:

@@ -112,12 +112,13 @@ def resolve_encoding(
     """
     origins: dict[str, Origin] = {}
     told: list[str] = []
+    assumed: list[str] = []
 
     def choose(name: str, chosen: str, tagged: str | None, usual: str) -> str:
         origins[name] = "set" if chosen != "auto" else "tag" if tagged else "assumed"
         result = chosen if chosen != "auto" else tagged or usual
         if origins[name] == "assumed" and not (name in ("matrix", "range") and family != "ycbcr"):
-            told.append(f"{name} is not tagged: assumed {result}")
+            assumed.append(f"{name} {result}")
         return result
 
     set_transfer = options.transfer
@@ -178,6 +179,8 @@ def resolve_encoding(
         has_alpha=has_alpha,
         origins=origins,
     )
+    if assumed:
+        told.append(f"not tagged, so assumed: {', '.join(assumed)}")
     return encoding, tuple(told)
 
 
