@@ -155,7 +155,7 @@ def open_source(source: Path, sequence: ExrSequence | None) -> Clip:
     Raises InputError where the sequence was made of another one.
     """
     settings = Settings() if sequence is None else sequence.settings_or_default
-    values = {**settings.as_dict(), "force_sdr": True}
+    values = {**settings.as_dict(), "force_sdr": True, "raw": None}
     clip = open_clip(source, input_options(settings_from(values)))
     if sequence is not None and sequence.made is not None:
         sequence.made.check_source(clip.info)

@@ -181,7 +181,8 @@ class Converted:
 
         Raises InputError where it is another one; frames are those of the folder's indices.
         """
-        opened = open_clip(clip, input_options(self.settings, max_pixels))
+        options = replace(input_options(self.settings, max_pixels), raw=None)  # this is a file
+        opened = open_clip(clip, options)
         try:
             self.check_source(opened.info)
         except InputError:

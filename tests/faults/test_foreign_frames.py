@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import json
 import shutil
+import subprocess
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 from clips import moving_scene, write_ffv1
+from command import COMMAND
 
 from itmo_video import open_result
 from itmo_video.cli.main import main
@@ -161,6 +163,21 @@ def test_a_whole_folder_tells_nothing(
     for line in readers(made, folder).values():
         assert main(line) == 0
         assert "are not in the folder" not in capsys.readouterr().err
+
+
+def test_a_folder_made_of_a_pipe_has_no_source_to_be_read_again(
+    made: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    frame = bytes(range(96)) * 48  # 64x48 of yuv420p
+    out = tmp_path / "o"
+    line = ["convert", "-", str(out), "--raw", "yuv420p:64x48:25", "--lights", "16"]
+    subprocess.run([*COMMAND, *line], input=2 * frame, check=True, capture_output=True)
+    assert open_result(out).absent is None
+    assert main(["preview", str(out), str(tmp_path / "a.y4m")]) == 0
+    capsys.readouterr()
+    for more in (["report"], ["evaluate"]):
+        assert main([*more, str(out), "--source", str(made / "c.mkv")]) == 3
+        assert "not the clip that the folder was made of" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("count", [10**18, -5, True, "6"])
