@@ -82,7 +82,7 @@ def test_a_manifest_of_nonsense_is_an_input_error(
 
 def test_nobodys_folder_is_told(tmp_path: Path) -> None:
     assert find_converted(tmp_path) is None
-    with pytest.raises(InputError, match="no conversion"):
+    with pytest.raises(InputError, match="not a converted folder"):
         open_converted(tmp_path)
 
 

@@ -45,7 +45,8 @@ def write_clip(
 
 def made(source: Path, output: Path, *options: str) -> list[dict[str, object]]:
     """The streams of a preview: type, language, default flag, first and last time."""
-    assert main(["preview", str(source), str(output), "--speed", "12", "--quiet", *options]) == 0
+    speed = [] if "prores" in options else ["--speed", "12"]
+    assert main(["preview", str(source), str(output), *speed, "--quiet", *options]) == 0
     with av.open(str(output)) as box:
         found = [
             {"type": stream.type, "language": stream.metadata.get("language"),
