@@ -19,7 +19,7 @@ CLIPS_FROM, CLIPS_WHOLLY = 0.95, 0.985  # of white, linear: compression lets cli
 NEAR_FROM, NEAR_WHOLLY = 0.8, 0.93  # of white, linear: bright; a channel that clips with the others
 AROUND_PX, FAR_AROUND_PX = 2.5, 7.0  # standard deviations, of the analysis picture
 KNOWN_FROM, KNOWN_WHOLLY = 0.1, 0.7  # shares of what is bright around
-DECIDED_FROM, DECIDED_WHOLLY = 0.7, 1.0
+DECIDED_FROM, DECIDED_WHOLLY = 0.6, 0.95
 LUMINANCE = (0.213, 0.715, 0.072)
 
 
