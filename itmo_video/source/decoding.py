@@ -11,6 +11,7 @@ from typing import Any, Literal
 import av
 
 from itmo_video.errors import InputError
+from itmo_video.source.ffv1_slices import packet_check
 from itmo_video.source.packets import Packets, decoder_limit, open_video, read_packets
 
 _INDEXED = ("mov", "matroska", "avi", "mxf")  # containers that are read by whole packets
@@ -52,6 +53,8 @@ class Decoder:
                     packets = self._after_seek(container, stream, entry[0], stamp)
                 if packets is not None:
                     context = decoder_of(stream, self.max_pixels, way)
+                    if way == "strict" and self.codec == "ffv1":
+                        packets = _with_true_sums(packets, on_error)
                     yield from decode_all(context, packets, on_error)
                     return
 
@@ -87,6 +90,15 @@ def decoder_of(stream: Any, max_pixels: int, way: Way = "lenient") -> Any:
     if way == "strict":
         context.options = {**context.options, "err_detect": "explode"}
     return context
+
+
+def _with_true_sums(packets: Iterator[Any], on_error: Callable[[Any], bool]) -> Iterator[Any]:
+    """FFV1's packets up to one whose check sums tell of damage, where `on_error` says to stop."""
+    is_sound = packet_check()
+    for packet in packets:
+        if packet.size and not is_sound(bytes(packet)) and on_error(packet):
+            return
+        yield packet
 
 
 def decode_all(

@@ -4,16 +4,19 @@ from __future__ import annotations
 
 import random
 import sys
+from fractions import Fraction
 from pathlib import Path
 
+import av
 import pytest
-from clips import SHARED
+from clips import SHARED, moving_scene
 
 sys.path.insert(0, str(Path(__file__).parent))
 
 from codec_clips import make_clip
 from damaged_decodes import frames, of_codec, trial
 
+from itmo_video.source.ffv1_slices import slices_of
 from itmo_video.source.opening import open_clip
 
 ONCE = sorted((SHARED / "data/fault_files/law").glob("*"))
@@ -55,3 +58,49 @@ def test_damage_that_the_decoder_conceals_without_a_word_is_named(tmp_path: Path
         found = {frame.index: frame.is_damaged for frame in clip.frames()}
     assert any(found.values()) or len(found) < 60
     assert not all(found.values())
+
+
+def test_a_slice_of_ffv1_whose_check_sum_is_wrong_is_damage(tmp_path: Path) -> None:
+    """FFmpeg's decoder says so in its log only, and shows what it makes of it."""
+    path = tmp_path / "a.mkv"
+    options = {"level": "3", "slicecrc": "1", "slices": "4", "g": "12"}
+    with av.open(str(path), "w") as box:
+        stream = box.add_stream("ffv1", rate=Fraction(24), options=options)
+        stream.width, stream.height, stream.pix_fmt = 96, 64, "yuv420p"
+        for n, codes in enumerate(moving_scene(30, width=96, height=64)):
+            frame = av.VideoFrame.from_ndarray(codes, "rgb24").reformat(format="yuv420p")
+            frame.pts, frame.time_base = n, Fraction(1, 24)
+            box.mux(stream.encode(frame))
+        box.mux(stream.encode())
+    with open_clip(path) as clip:
+        assert not any(frame.is_damaged for frame in clip.frames())
+    with av.open(str(path)) as box:
+        packets = [bytes(packet) for packet in box.demux(video=0) if packet.size]
+    assert all(len(slices_of(packet) or ()) == 4 for packet in packets)
+    data = bytearray(path.read_bytes())
+    data[data.index(packets[15]) + len(packets[15]) // 2] ^= 1
+    path.write_bytes(data)
+    with open_clip(path) as clip:
+        damaged = [frame.index for frame in clip.frames() if frame.is_damaged]
+        assert damaged[0] == 15
+        again = [frame.index for frame in clip.frames(16) if frame.is_damaged]
+    assert again == damaged[1:]
+
+
+@pytest.mark.parametrize("fault", ["a FRAME line", "a cut"])
+def test_a_y4m_that_breaks_off_is_cut_short(tmp_path: Path, fault: str) -> None:
+    body = b"".join(b"FRAME\n" + bytes([n]) * 96 for n in range(16, 36))
+    data = bytearray(b"YUV4MPEG2 W8 H8 F25:1 Ip A1:1 C420jpeg\n" + body)
+    path = tmp_path / "a.y4m"
+    path.write_bytes(data)
+    with open_clip(path) as clip:
+        assert not any("cut short" in notice for notice in clip.info.notices)
+        assert sum(1 for _ in clip.frames()) == 20
+    if fault == "a cut":
+        del data[-10:]
+    else:
+        data[len(data) - 5 * 102] = ord("f")
+    path.write_bytes(data)
+    missing = "1 frame is missing" if fault == "a cut" else "5 frames are missing"
+    with open_clip(path) as clip:
+        assert any(missing in notice for notice in clip.info.notices), clip.info.notices
