@@ -65,6 +65,7 @@ class FilmWriter:
         self.notices: list[str] = []
         self._temp = temp_path(path.absolute())
         self._last_pts: int | None = None
+        self._lengths: dict[int, int] = {}
         self._end_s: Fraction | None = None
         muxer = MUXERS[path.suffix.lower()]
         # A check sum of Matroska's would not know of the completed metadata.
@@ -112,6 +113,7 @@ class FilmWriter:
         frame.time_base = spec.time_base
         length = duration_s if duration_s is not None else 1 / spec.frame_rate
         frame.duration = max(1, round(length / spec.time_base))
+        self._lengths[frame.pts] = frame.duration
         self._end_s = time_s + length
         tag_signal(frame, spec.signal)
         try:
@@ -176,6 +178,8 @@ class FilmWriter:
     def _mux(self, packets: list[Any]) -> None:
         for packet in packets:
             if packet.pts is not None:
+                # Encoders drop it; the last frame of a varying rate has nothing else to say it.
+                packet.duration = self._lengths.pop(packet.pts, packet.duration)
                 self._mux_sound(packet.pts * Fraction(packet.time_base) + self._start_s)
             self._box.mux(packet)
 

@@ -70,7 +70,7 @@ def write_film(
             for notice in writer.notices:
                 on_event(Warned(notice))
             try:
-                for frame, length in _with_durations(first, shown):
+                for frame, length in _with_durations(first, shown, pictures.last_length_s):
                     writer.write(frame.planes, frame.time_s, length)
                     count, light = count + 1, hdr.film_light((light, frame.light))
                     on_event(FrameDone(frame.number, count, len(pictures.numbers)))
@@ -126,14 +126,14 @@ def check_film_options(output: Path, options: PreviewOptions) -> None:
 
 
 def _with_durations(
-    first: ShownFrame, others: Iterator[ShownFrame]
+    first: ShownFrame, others: Iterator[ShownFrame], last_length_s: Fraction | None
 ) -> Iterator[tuple[ShownFrame, Fraction | None]]:
-    """Each frame with the time until the next; None for the last."""
+    """Each frame with the time until the next; `last_length_s` for the last."""
     frame = first
     for following in others:
         yield frame, following.time_s - frame.time_s
         frame = following
-    yield frame, None
+    yield frame, last_length_s
 
 
 def _time_base(pictures: Pictures) -> Fraction:

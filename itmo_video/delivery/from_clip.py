@@ -33,6 +33,11 @@ def from_clip(source: Path, settings: Settings, run: RunOptions) -> Pictures:
         with open_clip(source, input_options(settings, run.max_pixels)) as clip:
             plan = make_plan(clip, look, run)
         wanted = sorted(plan.numbers.values())
+    last_length_s = None
+    if wanted and not clip.reads_once:
+        last = wanted[-1]
+        following = clip.time_s(last + 1) if last + 1 < clip.info.frames else None
+        last_length_s = clip.last_length_s if following is None else following - clip.time_s(last)
     is_endless = isinstance(wanted, range)
     info = plan.clip
     pictures: Pictures
@@ -70,6 +75,6 @@ def from_clip(source: Path, settings: Settings, run: RunOptions) -> Pictures:
         max(peak_nits_of(own.settings) for own in plan.looks), settings.primaries,
         [] if is_endless else [index + plan.first_number for index in wanted],
         None if clip.reads_once else source, mapped, stream=settings.stream,
-        notices=plan.notices,
+        last_length_s=last_length_s, notices=plan.notices,
     )  # fmt: skip
     return pictures

@@ -34,7 +34,8 @@ Work = Callable[[Picture], T]
 class Pictures:
     """A film's pictures and what is said of all of them; `mapped` makes something of each.
 
-    `stream` is the number of the source's video stream that was asked for. `damage` is filled
+    `stream` is the number of the source's video stream that was asked for. `last_length_s` is how
+    long the last one is shown, None for as long as one is at `frame_rate`. `damage` is filled
     while they are made: what was cut short or missing; `notices` is what should be reported
     before.
     """
@@ -49,6 +50,7 @@ class Pictures:
     clip: Path | None
     _mapped: Callable[[Callable[[Picture], Any]], Iterator[Any]]
     stream: int | None = None
+    last_length_s: Fraction | None = None
     damage: list[str] = field(default_factory=list)
     notices: tuple[str, ...] = ()
 

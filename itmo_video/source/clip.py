@@ -47,6 +47,15 @@ class Clip:
         """Presentation time of the frame `index` in seconds, as the file has it."""
         raise NotImplementedError
 
+    @property
+    def last_length_s(self) -> Fraction:
+        """How long the last frame is shown, in seconds: at a variable rate, its own time."""
+        info, usual = self.info, 1 / self.info.frame_rate
+        if not info.is_vfr or info.frames < 1:
+            return usual
+        rest = self.time_s(0) + info.duration_s - self.time_s(info.frames - 1)
+        return rest if rest > 0 else usual
+
     def close(self) -> None:
         """Release the source; files that frames are being read from stay open until that ends."""
 
@@ -85,8 +94,7 @@ class Resampled(Clip):
         self._clip = clip
         times = [clip.time_s(i) for i in range(clip.info.frames)]
         self._begin = times[0]
-        # The last frame lasts as long as one of the source's does on average.
-        end = times[-1] + 1 / clip.info.frame_rate
+        end = times[-1] + clip.last_length_s
         count = max(1, ceil((end - self._begin) * rate))
         self._rate = rate
         self._sources = [

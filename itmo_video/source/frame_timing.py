@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from fractions import Fraction
 from typing import Any
 
@@ -27,13 +28,28 @@ def timing(stream: Any, packets: Packets, time_base: Fraction) -> tuple[Fraction
     whole = packets.pts[:-16] if count > 48 or (packets.declared or 0) > count else packets.pts
     steps = np.diff(np.asarray(whole, np.int64))
     # Matroska counts in whole milliseconds, so steps of a constant rate differ by one.
-    if steps.size == 0 or int(np.ptp(steps)) <= max(1, step // 50):
+    if steps.size == 0:
         return rate, length, False
+    if int(np.ptp(steps)) <= max(1, step // 50):
+        stated = (rate, stream.base_rate, stream.guessed_rate)
+        return _constant([Fraction(one) for one in stated if one], steps, time_base), length, False
     film = _pulled_down(steps, time_base)
     if film is not None:
         return film, count / film, True
     length += ((packets.last_length or step) - step) * time_base
     return count / length, length, True  # so that the sequence lasts as long as the clip
+
+
+def _constant(stated: Sequence[Fraction], steps: npt.NDArray[Any], time_base: Fraction) -> Fraction:
+    """The first stated rate at which frames come when their stamps say, or the stamps' own.
+
+    A container's mean counts its last frame's length too, which cuts and edits leave as they may.
+    """
+    span, differ = int(steps.sum()), int(np.ptp(steps))
+    for rate in stated:
+        if abs(len(steps) / (rate * time_base) - span) <= max(1, differ):
+            return rate
+    return stated[0] if differ else 1 / (int(steps[0]) * time_base)
 
 
 def _pulled_down(steps: npt.NDArray[Any], time_base: Fraction) -> Fraction | None:
