@@ -362,3 +362,22 @@ def test_empty_chunks_of_avi_are_repeats(tmp_path: Path, which: set[int]) -> Non
         assert [f.index for f in found] == list(range(start, 12))
         for frame in found:
             assert abs(int(frame.planes[0][0, 0]) - 20 * shown[frame.index]) <= 2
+
+
+def test_hdr10_without_a_transfer_tag_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "a.mp4"
+    mastering = "G(13250,34500)B(7500,3000)R(34000,16000)WP(15635,16450)L(10000000,1)"
+    params = f"log-level=none:pools=none:frame-threads=1:master-display={mastering}"
+    with av.open(str(path), "w") as box:
+        stream = box.add_stream("libx265", rate=25, options={"x265-params": params})
+        stream.width, stream.height, stream.pix_fmt = 64, 48, "yuv420p10le"
+        frame = av.VideoFrame.from_ndarray(np.full((48, 64), 128, np.uint8), "gray")
+        box.mux(stream.encode(frame.reformat(format="yuv420p10le")))
+        box.mux(stream.encode())
+    with pytest.raises(AlreadyHdrError, match="mastering display") as caught:
+        open_clip(path)
+    assert "--transfer bt1886" in str(caught.value.remedy)
+    with open_clip(path, InputOptions(transfer="bt1886")) as clip:
+        assert clip.info.encoding.transfer == "bt1886"
+    with open_clip(path, InputOptions(only_tells=True)) as clip:
+        assert clip.info.encoding.transfer == "pq"

@@ -1,4 +1,4 @@
-"""HDR that no transfer tag speaks of: Dolby Vision with a base layer of its own, cameras' log."""
+"""HDR that no transfer tag speaks of: Dolby Vision with its own base, HDR10 metadata, log."""
 
 from __future__ import annotations
 
@@ -7,12 +7,24 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-from itmo_video.errors import AlreadyHdrError
 from itmo_video.regular_file import open_regular
 from itmo_video.source.track_facts import TrackFacts
 
 _DOLBY_ENTRIES = ("dvh1", "dvhe", "dav1", "dva1", "dvav")
+_HDR10_SIDES = {
+    "MASTERING_DISPLAY_METADATA": "mastering display",
+    "CONTENT_LIGHT_LEVEL": "MaxCLL and MaxFALL",
+    "DYNAMIC_HDR_PLUS": "HDR10+",
+}
 _UNTAGGED = (0, 2)
+MAP_TO_SDR = (
+    "Map it to SDR first (libplacebo: ffmpeg -vf libplacebo=colorspace=bt709...); if it is SDR "
+    "after all, --transfer bt1886, or --force-sdr."
+)
+UNDO_LOG = (
+    "Bring it to display-referred SDR first, by the camera's own LUT or transform; if it is SDR "
+    "after all, --force-sdr."
+)
 _LOG_NAMES = re.compile(
     r"\b(s-?log-?[23]?|slog[23]?|c-?log-?[23]?|canon log ?[23]?|v-?log(?:-?l)?|d-?log(?:-?m)?|"
     r"n-?log|f-?log2?|log-?c[34]?|apple[ .-]?log2?|log3g10|redlogfilm|blackmagic.*film|"
@@ -48,6 +60,16 @@ def dolby_vision_words(track: TrackFacts, frame: Any, transfer: int) -> str | No
     return None
 
 
+def hdr10_words(frame: Any, transfer: int) -> str | None:
+    """Why a stream is HDR10 whose transfer tag was lost, None where it is tagged or has no sign."""
+    if transfer not in _UNTAGGED:
+        return None
+    found = [_HDR10_SIDES[name] for name in _side_data(frame) if name in _HDR10_SIDES]
+    if not found:
+        return None
+    return f"its frames carry HDR10 metadata ({', '.join(found)}) and no transfer tag"
+
+
 def log_words(path: Path | None, metadata: Iterable[Mapping[str, str]]) -> str | None:
     """Which camera's log its metadata name, in words; None where they name none.
 
@@ -64,18 +86,6 @@ def log_words(path: Path | None, metadata: Iterable[Mapping[str, str]]) -> str |
             if _LOG_NAMES.search(value):
                 return f"the camera's metadata say that its gamma is {value}"
     return None
-
-
-def refuse(words: str, where: str, *, is_dolby: bool) -> AlreadyHdrError:
-    """The refusal, with what to do."""
-    way = (
-        "Map it to SDR first (libplacebo: ffmpeg -vf libplacebo=colorspace=bt709...)"
-        if is_dolby
-        else "Bring it to display-referred SDR first, by the camera's own LUT or transform"
-    )
-    return AlreadyHdrError(
-        words, where=where, remedy=f"{way}; if it is SDR after all, --force-sdr."
-    )
 
 
 def _side_data(frame: Any) -> list[str]:

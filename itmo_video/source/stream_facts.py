@@ -101,7 +101,9 @@ def facts_at(
     if hidden is not None and not (options.force_sdr or options.transfer != "auto"):
         if not options.only_tells:
             raise hidden
-        tagged = replace(tagged, named_transfer="pq" if "Dolby" in hidden.what else "log")
+        tagged = replace(
+            tagged, named_transfer="log" if hidden.remedy == hidden_hdr.UNDO_LOG else "pq"
+        )
     stored, told = tags.resolve_encoding(
         tagged,
         options,
@@ -197,10 +199,13 @@ def _hidden_hdr(
 ) -> AlreadyHdrError | None:
     """The refusal of HDR that no transfer tag speaks of, None for all else."""
     words = hidden_hdr.dolby_vision_words(track, frame, tagged.transfer)
+    words = words or hidden_hdr.hdr10_words(frame, tagged.transfer)
     if words is not None:
-        return hidden_hdr.refuse(words, where, is_dolby=True)
+        return AlreadyHdrError(words, where=where, remedy=hidden_hdr.MAP_TO_SDR)
     words = hidden_hdr.log_words(file, (container.metadata, stream.metadata))
-    return None if words is None else hidden_hdr.refuse(words, where, is_dolby=False)
+    if words is not None:
+        return AlreadyHdrError(words, where=where, remedy=hidden_hdr.UNDO_LOG)
+    return None
 
 
 def _as_countable(decoder: Decoder) -> Decoder:
