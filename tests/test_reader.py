@@ -59,7 +59,7 @@ CLIPS = {
     "odd_clips/hard_cut_and_black.mp4": ((41, 41, 640, 360), {}),
     "odd_clips/hlg_tagged_10bit.mp4": (AlreadyHdrError, "HLG"),
     "odd_clips/interlaced_tff_h264.mp4": ((30, 30, 720, 480), {"field_order": "tff"}),
-    "odd_clips/invalid-codec.mp4": (InputError, "codec is unknown"),
+    "odd_clips/invalid-codec.mp4": (InputError, "codec is not supported"),
     "odd_clips/nasa_13013_hdr.mp4": (AlreadyHdrError, "PQ"),
     "odd_clips/nasa_13013_rotated.mp4": ((17, 17, 270, 480), {"rotation_deg": 270}),
     "odd_clips/not_a_video.mp4": (InputError, "not a video"),

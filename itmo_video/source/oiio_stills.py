@@ -6,6 +6,9 @@ The only module that imports OpenImageIO, and only inside functions: most runs r
 from __future__ import annotations
 
 import os
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -14,8 +17,9 @@ import numpy as np
 from itmo_video.errors import AlreadyHdrError, DamagedInputError, InputError
 from itmo_video.regular_file import open_regular
 from itmo_video.source.files import check_pixels
-from itmo_video.source.still_formats import StillFormat
+from itmo_video.source.still_formats import StillFormat, cinema_profile
 from itmo_video.source.still_picture import (
+    DIGITAL_CINEMA,
     StillColour,
     StillPicture,
     exif_turn,
@@ -24,6 +28,7 @@ from itmo_video.source.still_picture import (
 )
 
 _MOST_CHANNELS = 8
+_HEAD_BYTES = 1 << 20  # in which a header ends, whatever boxes come first
 _DPX_TRANSFERS = {1: 9, 2: 8, 3: 9, 5: 1, 6: 1, 7: 1, 8: 1, 9: 1, 10: 1}  # SMPTE 268M to H.273
 
 
@@ -38,7 +43,8 @@ def read_still(path: Path, kind: StillFormat, max_pixels: int) -> StillPicture |
     where = str(path)
     config = OpenImageIO.ImageSpec()
     config.attribute("oiio:UnassociatedAlpha", 1)
-    reader = OpenImageIO.ImageInput.open(os.fspath(path), config)
+    with _utf8_name(path) as name:
+        reader = OpenImageIO.ImageInput.open(name, config)
     if reader is None:
         raise DamagedInputError(_reason(OpenImageIO.geterror()), where=where)
     try:
@@ -57,6 +63,20 @@ def read_still(path: Path, kind: StillFormat, max_pixels: int) -> StillPicture |
     if pixels is None or fault:
         raise DamagedInputError(_reason(fault), where=where)
     return _picture(kind, spec, np.asarray(pixels), 8 if is_eight else 16, notices, path)
+
+
+@contextmanager
+def _utf8_name(path: Path) -> Iterator[str]:
+    """The file's name; of one that is not UTF-8, which OpenImageIO takes not, a link's."""
+    try:
+        os.fspath(path).encode()
+    except UnicodeEncodeError:
+        with tempfile.TemporaryDirectory(prefix="itmo-video-") as folder:
+            link = Path(folder, "still")
+            link.symlink_to(path)
+            yield os.fspath(link)
+        return
+    yield os.fspath(path)
 
 
 def _check(spec: Any, max_pixels: int, where: str) -> None:
@@ -113,16 +133,21 @@ def _picture(
         turn=exif_turn(spec.get_int_attribute("Orientation", 1)),
         colour=StillColour(
             icc=None if profile is None else bytes(profile),
-            cicp=_dpx_tags(path) if kind == "dpx" else None,
+            cicp=_tags(path, kind),
         ),
         notices=notices,
     )
 
 
-def _dpx_tags(path: Path) -> tuple[int, int, int, int] | None:
-    """The transfer of a DPX's first element by H.273's numbers (SMPTE 268M, byte 801)."""
+def _tags(path: Path, kind: StillFormat) -> tuple[int, int, int, int] | None:
+    """What a header says of colour beside a profile, by H.273's numbers."""
+    if kind not in ("dpx", "jpeg2000"):
+        return None
     with open_regular(path) as file:
-        head = file.read(802)
+        head = file.read(_HEAD_BYTES)
+    if kind == "jpeg2000":
+        return DIGITAL_CINEMA if cinema_profile(head) else None
+    # The transfer of a DPX's first element (SMPTE 268M, byte 801)
     transfer = _DPX_TRANSFERS.get(head[801]) if len(head) > 801 else None
     return None if transfer is None else (2, transfer, 2, 1)
 

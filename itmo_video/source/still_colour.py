@@ -11,7 +11,7 @@ from itmo_video.colour.primaries import CHROMATICITIES
 from itmo_video.errors import AlreadyHdrError
 from itmo_video.model import Code, Encoding, Primaries, Transfer
 from itmo_video.source import icc, lut_profile, tags
-from itmo_video.source.still_picture import StillPicture
+from itmo_video.source.still_picture import DIGITAL_CINEMA, StillPicture
 from itmo_video.source.tags import InputOptions, Tags
 
 _PNG_PRIMARIES: tuple[Primaries, ...] = ("rec709", "p3d65", "adobergb", "rec2020")
@@ -58,17 +58,29 @@ def resolve(
             where=where,
         )
     except AlreadyHdrError as error:
-        if picture.codec != "dpx":
-            raise
-        raise AlreadyHdrError(
-            "its header says that its codes are logarithmic: film density or a camera's log",
-            where=where,
-            remedy="Convert it to display-referred SDR first (OpenColorIO's cineon or camera "
-            "transform); if the tag is wrong, --transfer srgb.",
-        ) from error
+        raise _in_words(error, picture) from error
     if picture.family != "ycbcr" and (options.matrix != "auto" or options.range != "auto"):
         told.append("the matrix and range that are set are left out: the picture comes as RGB")
     return picture, encoding, (*told, *more)
+
+
+def _in_words(error: AlreadyHdrError, picture: StillPicture) -> AlreadyHdrError:
+    """The refusal by a tag, in the words of the format."""
+    if picture.codec == "dpx":
+        return AlreadyHdrError(
+            "its header says that its codes are logarithmic: film density or a camera's log",
+            where=error.where,
+            remedy="Convert it to display-referred SDR first (OpenColorIO's cineon or camera "
+            "transform); if the tag is wrong, --transfer srgb.",
+        )
+    if picture.colour.cicp == DIGITAL_CINEMA:
+        return AlreadyHdrError(
+            "it is of a digital-cinema profile: its codes are X'Y'Z' (SMPTE 428), not RGB",
+            where=error.where,
+            remedy="Convert it to display-referred RGB first (OpenColorIO's DCDM transform); if it "
+            "is RGB after all, --transfer srgb.",
+        )
+    return error
 
 
 def _by_profile(

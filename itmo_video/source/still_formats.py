@@ -102,3 +102,10 @@ def _codestream_size(data: bytes) -> tuple[int, int] | None:
         int.from_bytes(data[at + 8 + 4 * i : at + 12 + 4 * i], "big") for i in range(4)
     )
     return max(0, right - left), max(0, bottom - top)
+
+
+def cinema_profile(data: bytes) -> bool:
+    """Whether a JPEG 2000 codestream is of a digital-cinema profile, so of X'Y'Z' (SMPTE 428)."""
+    at = data.find(b"\xff\x4f\xff\x51")
+    # ISO/IEC 15444-1, table A.10: Rsiz of 2K, 4K, and of both scalable
+    return at >= 0 and int.from_bytes(data[at + 6 : at + 8], "big") in (3, 4, 5, 6)

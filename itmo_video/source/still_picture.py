@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from itmo_video.model import Code, Family
 
+DIGITAL_CINEMA = (10, 17, 0, 1)  # H.273's numbers of X'Y'Z' with the curve of SMPTE 428
 Turn = tuple[int, bool]  # degrees clockwise, mirrored left-right first
 
 
