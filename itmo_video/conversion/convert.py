@@ -31,6 +31,8 @@ from itmo_video.source.opening import Clip, input_options, open_clip
 from itmo_video.source.pipe import is_pipe
 from itmo_video.words import counted, missing
 
+_HARDLY = 1.15  # times SDR white: codes above white reach that by themselves
+
 
 @dataclass
 class Summary:
@@ -119,6 +121,8 @@ def convert(
     summary.missing.sort()
     summary.damaged.sort()
     summary.seconds = time.monotonic() - began
+    if unexpanded := nothing_expanded(plan, summary):
+        on_event(Warned(unexpanded))
     on_event(Finished(**dataclasses.asdict(summary)))
     cut_short = (plan.clip.frames_declared or 0) - plan.clip.frames if run.frames is None else 0
     if ended or summary.missing or summary.damaged or cut_short > 0:
@@ -177,6 +181,19 @@ def render_job(job: Job, summary: Summary, on_event: OnEvent) -> list[DamagedInp
     )
     summary.missing.extend(by_index.values())
     return ended
+
+
+def nothing_expanded(plan: Plan, summary: Summary) -> str | None:
+    """What is said where `auto` left everything as it was; None where it did not."""
+    settings, peak = plan.settings, summary.peak_nits
+    if settings.operator != "auto" or settings.strength == 0 or settings.footage != "auto":
+        return None
+    if peak is None or peak > _HARDLY * settings.white_nits:
+        return None
+    return (
+        "hardly anything was expanded: it looks neither clipped nor tone-mapped (itmo-video info "
+        "says how it was rendered); --footage tone-mapped or --preset paper expands it nevertheless"
+    )
 
 
 def peak_of(rgb: Sequence[Half]) -> float:

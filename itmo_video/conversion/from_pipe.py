@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from itmo_video.conversion.convert import Summary, peak_of
+from itmo_video.conversion.convert import Summary, nothing_expanded, peak_of
 from itmo_video.conversion.exr_headers import exr_header
 from itmo_video.conversion.frame_ranges import format_ranges, parse_ranges
 from itmo_video.conversion.plan import Plan
@@ -115,6 +115,8 @@ def convert_pipe(
     summary.wanted = summary.wanted or summary.written + len(clip.lost)
     summary.damaged.sort()
     summary.seconds = time.monotonic() - began
+    if unexpanded := nothing_expanded(plan, summary):
+        on_event(Warned(unexpanded))
     on_event(Finished(**asdict(summary)))
     told = pipe_damage(clip, run, summary.missing)
     if summary.damaged:
