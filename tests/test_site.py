@@ -166,6 +166,17 @@ def test_the_reference_has_all_commands_flags_and_no_empty_row(site: Path) -> No
         assert path.read_text("utf-8").count("\n") > 10, path
 
 
+def test_the_reference_in_the_repository_is_current() -> None:
+    """Else run docs/site/reference.py."""
+    sys.path.insert(0, str(REPOSITORY / "docs/site"))
+    try:
+        import reference
+    finally:
+        sys.path.pop(0)
+    for name, text in reference.pages().items():
+        assert (REPOSITORY / f"docs/reference/{name}.md").read_text("utf-8") == text, name
+
+
 def test_every_attribute_and_layer_is_explained(tmp_path: Path) -> None:
     clip = write_ffv1(tmp_path / "a.mkv", moving_scene(1))
     out = tmp_path / "out"

@@ -1,6 +1,6 @@
 """Builds the site of docs/: python docs/site/build.py [TARGET], by default build/; strictly.
 
-TARGET/docs is docs/ with the generated reference, TARGET/site the site. No network is used.
+TARGET/docs is docs/ with what the pages need, TARGET/site the site. No network is used.
 """
 
 from __future__ import annotations
@@ -9,8 +9,6 @@ import shutil
 import subprocess
 import sys
 from pathlib import Path
-
-import reference  # beside this file
 
 HERE = Path(__file__).resolve().parent
 ASSETS = ("iframe-worker.js", "site.css")
@@ -21,9 +19,6 @@ def stage(target: Path) -> None:
     staged = target / "docs"
     shutil.rmtree(staged, ignore_errors=True)
     shutil.copytree(HERE.parent, staged, ignore=shutil.ignore_patterns("site", "__pycache__"))
-    (staged / "reference").mkdir()
-    for name, text in reference.pages().items():
-        (staged / "reference" / f"{name}.md").write_text(text, "utf-8")
     (staged / "assets").mkdir()
     for name in ASSETS:
         shutil.copy(HERE / name, staged / "assets")

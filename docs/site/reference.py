@@ -1,4 +1,8 @@
-"""The reference as Markdown, from the definitions that the program itself runs by."""
+"""The reference as Markdown, from the definitions that the program itself runs by.
+
+python docs/site/reference.py writes docs/reference/ anew, which a test holds current: who reads the
+documentation in the repository finds it there, and the site takes it from there.
+"""
 
 from __future__ import annotations
 
@@ -7,6 +11,7 @@ import inspect
 import json
 import re
 from collections.abc import Iterable, Sequence
+from pathlib import Path
 from typing import Any
 
 import itmo_video
@@ -272,3 +277,10 @@ def _table(heads: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
 
 def _page(parts: Iterable[str]) -> str:
     return "\n\n".join(parts) + "\n"
+
+
+if __name__ == "__main__":
+    folder = Path(__file__).resolve().parents[1] / "reference"
+    folder.mkdir(exist_ok=True)
+    for name, text in pages().items():
+        (folder / f"{name}.md").write_text(text, "utf-8")
