@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import os
+import struct
 import sys
 from pathlib import Path
 
 import pytest
+from PIL import Image
 from stills import encoded, patches
 
-from itmo_video.errors import AlreadyHdrError
+from itmo_video.errors import AlreadyHdrError, InputError
 from itmo_video.source.opening import open_clip
 from itmo_video.source.tags import InputOptions
 
@@ -36,3 +38,24 @@ def test_a_name_that_is_not_utf8(tmp_path: Path, form: str) -> None:
     path.write_bytes(encoded(patches(), form))
     with open_clip(path) as clip:
         assert next(clip.frames()).size == (128, 16)
+
+
+def test_lab_is_not_shown_as_rgb(tmp_path: Path) -> None:
+    path = tmp_path / "a.tif"
+    Image.frombytes("LAB", (128, 16), patches().tobytes()).save(path)
+    with pytest.raises(InputError, match=r"L\*a\*b\*"):
+        open_clip(path)
+
+
+@pytest.mark.parametrize(("mode", "channels"), [(3, 3), (4, 4), (9, 3)])
+def test_psd_of_inks_and_lab_is_refused(tmp_path: Path, mode: int, channels: int) -> None:
+    head = struct.pack(">4sH6xHIIHH", b"8BPS", 1, channels, 16, 128, 8, mode)
+    pixels = patches()[..., [0, 1, 2, 0][:channels]].transpose(2, 0, 1).tobytes()
+    path = tmp_path / "a.psd"
+    path.write_bytes(head + bytes(12) + bytes(2) + pixels)
+    if mode == 3:
+        with open_clip(path) as clip:
+            assert (next(clip.frames()).planes[0] == patches()[..., 0]).all()
+        return
+    with pytest.raises(InputError, match="its colours are"):
+        open_clip(path)

@@ -28,6 +28,7 @@ from itmo_video.source.still_picture import (
 )
 
 _MOST_CHANNELS = 8
+_SEPARATED, _LAB = 5, (8, 9, 10)  # TIFF's PhotometricInterpretation: inks; CIELab, ICCLab, ITULab
 _HEAD_BYTES = 1 << 20  # in which a header ends, whatever boxes come first
 _DPX_TRANSFERS = {1: 9, 2: 8, 3: 9, 5: 1, 6: 1, 7: 1, 8: 1, 9: 1, 10: 1}  # SMPTE 268M to H.273
 
@@ -89,13 +90,20 @@ def _check(spec: Any, max_pixels: int, where: str) -> None:
         raise AlreadyHdrError(f"its pixels are floating-point ({form}): it is HDR", where=where)
     if form.startswith("int"):
         raise InputError(f"its pixels have signs ({form}), so they are no picture", where=where)
+    if spec.get_int_attribute("tiff:PhotometricInterpretation", -1) in _LAB:
+        raise InputError(
+            "its colours are CIE L*a*b*, not RGB",
+            where=where,
+            remedy="Convert it to RGB in the program it comes from, and give that.",
+        )
     if spec.nchannels > _MOST_CHANNELS:
         raise InputError(f"it has {spec.nchannels} channels, so it is not a picture", where=where)
 
 
 def _is_inks(spec: Any) -> bool:
-    names = ("tiff:ColorSpace", "jpeg:ColorSpace", "psd:ColorMode")
-    return any(spec.get_string_attribute(name) in ("CMYK", "YCCK") for name in names)
+    if spec.get_int_attribute("tiff:PhotometricInterpretation", -1) == _SEPARATED:
+        return True
+    return spec.get_string_attribute("jpeg:ColorSpace") in ("CMYK", "YCCK")
 
 
 def _several(reader: Any, kind: StillFormat) -> tuple[str, ...]:

@@ -22,6 +22,8 @@ from itmo_video.source.still_formats import (
 from itmo_video.source.still_picture import StillColour, StillPicture, exif_turn
 from itmo_video.source.tiff_directory import check_jpeg_parts
 
+# Modes that OpenImageIO turns to RGB by itself, without the profile (Photoshop File Formats).
+_PSD_MODES = {4: "inks (CMYK)", 7: "separate inks (multichannel)", 9: "CIE L*a*b*"}
 _BY_PILLOW = ("webp", "gif", "apng", "avif", "heif", "qoi")
 
 
@@ -61,6 +63,8 @@ def read_still(path: Path, kind: StillFormat, max_pixels: int) -> StillPicture:
     size = stated_size(data, kind)
     if size is not None:
         check_pixels(*size, max_pixels, where)
+    if kind == "psd":
+        _check_psd(data, where)
     if kind == "tiff":
         raw_photos.check_tiff(data, where)
     facts = _checked(data, kind, where)
@@ -81,6 +85,16 @@ def read_still(path: Path, kind: StillFormat, max_pixels: int) -> StillPicture:
     if has_gain_map(data, kind):
         picture = replace(picture, notices=(*picture.notices, NOTICE))
     return picture
+
+
+def _check_psd(data: bytes, where: str) -> None:
+    found = _PSD_MODES.get(int.from_bytes(data[24:26], "big"))
+    if found is not None:
+        raise InputError(
+            f"its colours are {found}, which a PSD is not read in",
+            where=where,
+            remedy="Convert it to RGB in the program it comes from, and give that.",
+        )
 
 
 def _checked(data: bytes, kind: StillFormat, where: str) -> png_chunks.PngFacts | None:
