@@ -5,11 +5,13 @@ from __future__ import annotations
 import os
 import struct
 import sys
+import zlib
 from pathlib import Path
 
+import numpy as np
 import pytest
 from PIL import Image
-from stills import encoded, patches
+from stills import PATCHES, at_patches, encoded, linear_srgb, patches
 
 from itmo_video.errors import AlreadyHdrError, InputError
 from itmo_video.source.opening import open_clip
@@ -58,4 +60,50 @@ def test_psd_of_inks_and_lab_is_refused(tmp_path: Path, mode: int, channels: int
             assert (next(clip.frames()).planes[0] == patches()[..., 0]).all()
         return
     with pytest.raises(InputError, match="its colours are"):
+        open_clip(path)
+
+
+def with_chunk(data: bytes, name: bytes, body: bytes) -> bytes:
+    """A PNG with one more chunk after its header."""
+    crc = struct.pack(">I", zlib.crc32(name + body))
+    return data[:33] + struct.pack(">I", len(body)) + name + body + crc + data[33:]
+
+
+@pytest.mark.parametrize("form", ["PNG", "RGBA", "APNG"])
+def test_any_gamma_of_png_is_applied(tmp_path: Path, form: str) -> None:
+    image = patches()
+    if form == "RGBA":
+        image = np.dstack((image, np.full(image.shape[:2], 200, np.uint8)))
+    more = {"save_all": True, "append_images": [Image.new("RGB", (128, 16))]}
+    data = encoded(image, "PNG", **(more if form == "APNG" else {}))
+    path = tmp_path / "a.png"
+    path.write_bytes(with_chunk(data, b"gAMA", struct.pack(">I", 55556)))
+    got = at_patches(linear_srgb(path))
+    np.testing.assert_allclose(got, (PATCHES / 255) ** 1.8, atol=1e-4)
+    with open_clip(path) as clip:
+        assert any("1/1.8" in notice for notice in clip.info.notices)
+        assert next(clip.frames()).encoding == clip.info.encoding
+    with open_clip(path, InputOptions(transfer="srgb")) as clip:
+        assert clip.info.encoding.bit_depth == 8
+
+
+@pytest.mark.parametrize(("chunk", "body", "words"), [
+    (b"gAMA", bytes(4), "gamma"), (b"cICP", bytes([1, 13, 0, 0]), "limited range"),
+    (b"cICP", bytes([1, 13, 9, 1]), "matrix"), (b"cICP", bytes([8, 13, 0, 1]), "generic film"),
+    (b"cICP", bytes([77, 13, 0, 1]), "number 77"), (b"cICP", bytes([1, 99, 0, 1]), "number 99"),
+    (b"cHRM", struct.pack(">8I", *[30000] * 8), "cHRM"),
+])  # fmt: skip
+def test_what_is_not_read_of_a_png_is_told(
+    tmp_path: Path, chunk: bytes, body: bytes, words: str
+) -> None:
+    path = tmp_path / "a.png"
+    path.write_bytes(with_chunk(encoded(patches(), "PNG"), chunk, body))
+    with open_clip(path) as clip:
+        assert any(words in notice for notice in clip.info.notices)
+
+
+def test_xyz_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "a.png"
+    path.write_bytes(with_chunk(encoded(patches(), "PNG"), b"cICP", bytes([10, 13, 0, 1])))
+    with pytest.raises(InputError, match="XYZ"):
         open_clip(path)

@@ -101,8 +101,12 @@ def named_primaries(profile: Profile) -> Primaries | None:
 def to_srgb_curve(profile: Profile, grey: Code, bit_depth: int) -> Code:
     """Grey codes by the profile's (first) curve as 16-bit codes of the sRGB curve."""
     assert profile.curves is not None
-    table = _coded(profile.curves[0](_levels(bit_depth)))
-    return np.asarray(table[grey], np.uint16)
+    return recoded(profile.curves[0], grey, bit_depth)
+
+
+def recoded(curve: Curve, plane: Code, bit_depth: int) -> Code:
+    """Codes by a curve from code to light, both in 0..1, as 16-bit codes of the sRGB curve."""
+    return np.asarray(_coded(curve(_levels(bit_depth)))[plane], np.uint16)
 
 
 def to_rec2020(profile: Profile, planes: tuple[Code, ...], bit_depth: int) -> tuple[Code, ...]:

@@ -2,20 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from itmo_video.colour.primaries import CHROMATICITIES
 from itmo_video.errors import AlreadyHdrError
-from itmo_video.model import Code, Encoding, Primaries, Transfer
-from itmo_video.source import icc, lut_profile, tags
-from itmo_video.source.still_picture import DIGITAL_CINEMA, StillPicture
+from itmo_video.model import Encoding, Transfer
+from itmo_video.source import icc, lut_profile, png_colour, tags
+from itmo_video.source.still_picture import DIGITAL_CINEMA, StillPicture, sixteen_bits
 from itmo_video.source.tags import InputOptions, Tags
-
-_PNG_PRIMARIES: tuple[Primaries, ...] = ("rec709", "p3d65", "adobergb", "rec2020")
-
 
 _HDR_TRANSFERS = (16, 18)  # PQ and HLG
 
@@ -37,13 +32,15 @@ def resolve(
         picture, found = _by_profile(picture, colour.icc, options, told)
     elif colour.cicp is not None:
         primaries, transfer, matrix, is_full = colour.cicp
+        if picture.codec in ("png", "apng"):
+            told += png_colour.unread_code_points(colour.cicp)
         is_coded = picture.family == "ycbcr"
         found = Tags(matrix=matrix if is_coded else 2, range=2 if is_full or not is_coded else 1)
         found = replace(found, transfer=transfer, primaries=primaries)
         if transfer == 8:  # linear light of integers, whose white is 1: no HDR
             found = replace(found, transfer=2, named_transfer="linear")
     else:
-        found = Tags(named_transfer=_png_transfer(colour.gamma), named_primaries=_png_xy(colour.xy))
+        picture, found = png_colour.by_gamma_and_xy(picture, options, told)
     try:
         encoding, more = tags.resolve_encoding(
             found,
@@ -112,7 +109,7 @@ def _grey(
     if curve is not None:
         return picture, Tags(named_transfer=curve, named_primaries="rec709")
     grey = icc.to_srgb_curve(profile, picture.planes[0], picture.bit_depth)
-    planes = (grey, *(_sixteen(plane, picture.bit_depth) for plane in picture.planes[1:]))
+    planes = (grey, *(sixteen_bits(plane, picture.bit_depth) for plane in picture.planes[1:]))
     tagged = Tags(named_transfer="srgb", named_primaries="rec709")
     return replace(picture, planes=planes, bit_depth=16), tagged
 
@@ -130,30 +127,8 @@ def _converted(
     else:
         done, out_bits = icc.to_rec2020(profile, colours, bits), 16
     if picture.has_alpha:
-        wide = _sixteen(alpha[0], bits)
+        wide = sixteen_bits(alpha[0], bits)
         done = (*done, wide if out_bits == 16 else np.asarray(wide >> 8, np.uint8))
     told.append("its ICC profile is applied: Rec. 2020 primaries from here on")
     tagged = Tags(named_transfer="srgb", named_primaries="rec2020")
     return replace(picture, planes=done, bit_depth=out_bits, family="rgb"), tagged
-
-
-def _sixteen(plane: Code, bits: int) -> Code:
-    top = (1 << bits) - 1
-    return np.asarray((plane.astype(np.uint32) * 65535 + top // 2) // top, np.uint16)
-
-
-def _png_transfer(gamma: float | None) -> Transfer | None:
-    if gamma is None:
-        return None
-    known: dict[Transfer, float] = {"gamma22": 1 / 2.2, "linear": 1.0}
-    return next((name for name, value in known.items() if abs(gamma - value) < 0.005), None)
-
-
-def _png_xy(xy: Sequence[float] | None) -> Primaries | None:
-    if xy is None:
-        return None
-    stated = (*xy[2:], *xy[:2])
-    for name in _PNG_PRIMARIES:
-        if max(abs(a - b) for a, b in zip(stated, CHROMATICITIES[name], strict=True)) < 0.003:
-            return name
-    return None

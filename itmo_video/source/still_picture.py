@@ -59,6 +59,12 @@ def split(pixels: npt.NDArray[Any]) -> tuple[Code, ...]:
     return tuple(np.ascontiguousarray(pixels[..., i]) for i in range(pixels.shape[2]))
 
 
+def sixteen_bits(plane: Code, bits: int) -> Code:
+    """Codes of `bits` bits as those of 16."""
+    top = (1 << bits) - 1
+    return np.asarray((plane.astype(np.uint32) * 65535 + top // 2) // top, np.uint16)
+
+
 def straight(planes: tuple[Code, ...], bit_depth: int) -> tuple[Code, ...]:
     """Undo a multiplication by alpha, the last plane: 16-bit codes, so that nothing is lost.
 

@@ -42,6 +42,8 @@ _PRIMARIES: dict[int, Primaries] = {
     1: "rec709", 5: "rec601_625", 6: "rec601_525", 7: "rec601_525", 9: "rec2020", 11: "p3d65",
     12: "p3d65", 22: "rec601_625",
 }  # fmt: skip
+_OTHER_PRIMARIES = {4: "BT.470 M", 8: "generic film", 10: "XYZ"}
+_XYZ = 10  # primaries of SMPTE 428
 _RANGES: dict[int, Range] = {1: "limited", 2: "full"}
 
 
@@ -113,11 +115,19 @@ def resolve_encoding(
     origins: dict[str, Origin] = {}
     told: list[str] = []
     assumed: list[str] = []
+    unread: dict[str, str] = {}
+    if tags.primaries not in (0, 2, *_PRIMARIES) and tags.named_primaries is None:
+        unread["primaries"] = _OTHER_PRIMARIES.get(tags.primaries, f"number {tags.primaries}")
+    if tags.transfer not in (0, 2, *_TRANSFERS, *_HDR_TRANSFERS) and tags.named_transfer is None:
+        unread["transfer"] = f"number {tags.transfer}"
 
     def choose(name: str, chosen: str, tagged: str | None, usual: str) -> str:
         origins[name] = "set" if chosen != "auto" else "tag" if tagged else "assumed"
         result = chosen if chosen != "auto" else tagged or usual
-        if origins[name] == "assumed" and not (name in ("matrix", "range") and family != "ycbcr"):
+        if name in unread:
+            if origins[name] == "assumed":
+                told.append(f"{name} tagged as {unread[name]}: not known here, read as {result}")
+        elif origins[name] == "assumed" and (name not in ("matrix", "range") or family == "ycbcr"):
             assumed.append(f"{name} {result}")
         return result
 
@@ -132,6 +142,12 @@ def resolve_encoding(
                 remedy="If the tag is wrong, say what it is: --transfer bt1886, or --force-sdr.",
             )
         set_transfer = "bt1886"
+    if tags.primaries == _XYZ and set_transfer == "auto" and not options.only_tells:
+        raise InputError(
+            "its primaries are tagged as XYZ (SMPTE 428), so its codes are no RGB",
+            where=where,
+            remedy="Convert it to RGB first; if the tag is wrong, --transfer bt1886.",
+        )
     if family == "ycbcr" and options.matrix == "auto" and tags.matrix in _OTHER_MATRICES:
         raise InputError(
             f"its matrix {_OTHER_MATRICES[tags.matrix]} is not known here",
