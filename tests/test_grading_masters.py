@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 from clips import moving_scene, write_ffv1
+from PIL import Image
 
 from itmo_video import convert
 from itmo_video.cli.main import main
@@ -177,6 +178,18 @@ def test_small_pictures_are_no_dnxhr(tmp_path: Path, capsys: pytest.CaptureFixtu
     small = write_ffv1(tmp_path / "s.mkv", moving_scene(1, width=512, height=64))
     assert main(["preview", str(small), str(tmp_path / "a.mov"), "--codec", "dnxhr"]) == 2
     assert "too small for DNxHR" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(("codec", "size"), [("hevc", (14, 14)), ("av1", (64, 2))])
+def test_too_small_a_picture_blames_no_sound(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], codec: str, size: tuple[int, int]
+) -> None:
+    path = tmp_path / "s.png"
+    Image.new("RGB", size).save(path)
+    assert main(["preview", str(path), str(tmp_path / "a.mp4"), "--codec", codec]) == 2
+    told = capsys.readouterr().err
+    assert "too small" in told
+    assert "sound" not in told
 
 
 def test_444_keeps_every_pixels_colour() -> None:

@@ -107,3 +107,41 @@ def test_xyz_is_refused(tmp_path: Path) -> None:
     path.write_bytes(with_chunk(encoded(patches(), "PNG"), b"cICP", bytes([10, 13, 0, 1])))
     with pytest.raises(InputError, match="XYZ"):
         open_clip(path)
+
+
+def gif(canvas: tuple[int, int], frames: list[tuple[int, int, int, int, int]]) -> bytes:
+    """A GIF of plain frames (left, top, width, height, colour) with a palette of four colours."""
+    out = b"GIF89a" + struct.pack("<HH", *canvas) + bytes([0x81, 0, 0])
+    out += bytes([250, 0, 0, 0, 250, 0, 0, 0, 250, 90, 90, 90])
+    for left, top, width, height, colour in frames:
+        codes = [code for _ in range(width * height) for code in (4, colour)] + [5]
+        bits = sum(code << 3 * n for n, code in enumerate(codes))  # a clear code before each pixel
+        body = bits.to_bytes((3 * len(codes) + 7) // 8, "little")
+        out += bytes([0x21, 0xF9, 4, 4, 10, 0, 0, 0, 0x2C])
+        out += struct.pack("<HHHHB", left, top, width, height, 0)
+        out += bytes([2, len(body)]) + body + bytes(1)
+    return out + b";"
+
+
+@pytest.mark.parametrize("count", [1, 2])
+def test_gif_is_clear_where_no_frame_painted(tmp_path: Path, count: int) -> None:
+    path = tmp_path / "a.gif"
+    path.write_bytes(gif((12, 9), [(4, 3, 5, 4, 1), (0, 0, 3, 2, 2)][:count]))
+    with open_clip(path) as clip:
+        frames = list(clip.frames())
+        assert (clip.info.frames, clip.info.encoding.has_alpha) == (count, True)
+    alpha = np.zeros((9, 12), np.uint8)
+    alpha[3:7, 4:9] = 255
+    assert (frames[0].planes[3] == alpha).all()
+    assert [int(p[4, 5]) for p in frames[0].planes] == [0, 250, 0, 255]
+    if count == 2:
+        alpha[:2, :3] = 255
+        assert (frames[1].planes[3] == alpha).all()
+        assert [int(p[1, 1]) for p in frames[1].planes] == [0, 0, 250, 255]
+
+
+def test_a_whole_gif_has_no_alpha(tmp_path: Path) -> None:
+    path = tmp_path / "a.gif"
+    path.write_bytes(gif((6, 5), [(0, 0, 6, 5, 1), (1, 1, 2, 2, 0)]))
+    with open_clip(path) as clip:
+        assert not clip.info.encoding.has_alpha

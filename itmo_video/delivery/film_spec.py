@@ -21,7 +21,7 @@ MASTERS: dict[str, tuple[Chroma, ...]] = {  # for grading: intraframe, of a fixe
     "dnxhr": ("422", "444"),
 }
 _NAMES = {"prores": "ProRes 422 HQ", "prores4444": "ProRes 4444", "dnxhr": "DNxHR"}
-_DNXHR_LEAST = (256, 120)
+_LEAST = {"dnxhr": (256, 120), "hevc": (16, 16), "av1": (4, 4)}  # pixels that an encoder takes
 
 MUXERS = {".mp4": "mp4", ".m4v": "mp4", ".mov": "mov", ".mkv": "matroska"}
 DEFAULT_CRF: dict[str, int] = {"av1": 25, "hevc": 18}
@@ -110,6 +110,11 @@ def _check_master(path: Path, spec: FilmSpec) -> None:
 
 def check_size(spec: FilmSpec) -> None:
     """Raise UsageError for sizes in pixels that the codec does not have."""
-    is_small = spec.width < _DNXHR_LEAST[0] or spec.height < _DNXHR_LEAST[1]
-    if spec.codec == "dnxhr" and is_small:
-        raise UsageError(f"{spec.width}x{spec.height} is too small for DNxHR")
+    least = _LEAST.get(spec.codec, (2, 2))
+    if spec.width < least[0] or spec.height < least[1]:
+        name = _NAMES.get(spec.codec, spec.codec.upper())
+        raise UsageError(
+            f"{spec.width}x{spec.height} is too small for {name}, "
+            f"which takes {least[0]}x{least[1]} at least",
+            remedy="ProRes (--codec prores, .mov) takes any size.",
+        )

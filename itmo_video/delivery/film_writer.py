@@ -89,7 +89,7 @@ class FilmWriter:
             raise
         except (av.FFmpegError, OSError, ValueError) as error:
             self.close()
-            raise _failure(error, path) from error
+            raise _failure(error, path, self._source is not None) from error
 
     def __enter__(self) -> FilmWriter:
         return self
@@ -119,7 +119,7 @@ class FilmWriter:
         try:
             self._mux(self._stream.encode(frame))
         except (av.FFmpegError, OSError, ValueError) as error:
-            raise _failure(error, self.path) from error
+            raise _failure(error, self.path, self._source is not None) from error
 
     def finish(self, light: Light | None) -> None:
         """Flush, copy the rest of the sound, complete MaxCLL and MaxFALL and rename the file."""
@@ -135,7 +135,7 @@ class FilmWriter:
                     metadata.add_boxes(self._temp, self.spec.mastering, light)
             self._gate.put(self._temp)
         except (av.FFmpegError, OSError, ValueError) as error:
-            raise _failure(error, self.path) from error
+            raise _failure(error, self.path, self._source is not None) from error
 
     def close(self) -> None:
         """Close everything and remove what was not finished."""
@@ -205,10 +205,9 @@ class FilmWriter:
             self._box.mux(packet)
 
 
-def _failure(error: Exception, path: Path) -> OutputError:
+def _failure(error: Exception, path: Path, has_sound: bool) -> OutputError:
     reason = getattr(error, "strerror", None) or str(error)
+    sound = "Where it is the sound that does not fit the container, .mkv takes all kinds."
     return OutputError(
-        f"cannot be encoded: {reason}",
-        where=str(path),
-        remedy="Where it is the sound that does not fit the container, .mkv takes all kinds.",
+        f"cannot be encoded: {reason}", where=str(path), remedy=sound if has_sound else None
     )

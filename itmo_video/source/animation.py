@@ -17,6 +17,7 @@ from itmo_video.source.animation_times import Timing
 from itmo_video.source.clip import Clip
 from itmo_video.source.digest import content_digest
 from itmo_video.source.files import PICTURE_BYTES, check_pixels
+from itmo_video.source.gif_canvas import on_clear_canvas
 from itmo_video.source.planes import upright
 from itmo_video.source.still_formats import StillFormat, stated_size
 from itmo_video.source.still_picture import StillColour, StillPicture
@@ -78,11 +79,12 @@ class AnimationClip(Clip):
     def frames(self, start: int = 0) -> Iterator[Frame]:
         """Yield the composed frames from index `start` on; stops at the first damaged one."""
         data, where = read_regular(self._path, PICTURE_BYTES), str(self._path)
+        data, before = on_clear_canvas(data) if self._kind == "gif" else (data, 0)
         with pillow_stills.opened(data, self._kind, self._options.max_pixels, where) as image:
             for index in range(self.info.frames):
                 try:
                     with pillow_stills.decoding(where):
-                        image.seek(index)
+                        image.seek(before + index)
                         image.load()
                         picture = pillow_stills.picture(image, self._kind)
                 except DamagedInputError:

@@ -15,6 +15,7 @@ import numpy as np
 
 from itmo_video.errors import DamagedInputError, InputError
 from itmo_video.source.files import check_pixels
+from itmo_video.source.gif_canvas import on_clear_canvas
 from itmo_video.source.still_formats import StillFormat
 from itmo_video.source.still_picture import StillColour, StillPicture, exif_turn, split, straight
 
@@ -78,7 +79,9 @@ def read_still(data: bytes, kind: StillFormat, max_pixels: int, where: str) -> S
     """Decode a still, or an animation's first frame; DamagedInputError where it is not whole."""
     if kind == "heif":
         return _heif(data, max_pixels, where)
+    data, before = on_clear_canvas(data) if kind == "gif" else (data, 0)
     with opened(data, kind, max_pixels, where) as image:
+        image.seek(before)
         return picture(image, kind)
 
 
