@@ -5,15 +5,22 @@ import { failed, on, refresh, S, take, told } from "./store.js";
 
 const byId = (id) => document.getElementById(id);
 
+// In the dialog, too: it lies over the line at the bottom.
+function says(text, isError = false) {
+  told(text, isError);
+  byId("save-says").textContent = text;
+  byId("save-says").classList.toggle("error", isError);
+}
+
 async function save(kind, replace = false) {
   const name = byId(`${kind}-name`).value.trim();
   try {
     const { path, state } = await post("api/save", { kind, name, replace });
     take(state);
-    told(`Saved: ${path}`);
+    says(`Saved: ${path}`);
     return true;
   } catch (error) {
-    if (!error.exists) { failed(error); return false; }
+    if (!error.exists) { failed(error); says(error.message, true); return false; }
     if (!window.confirm(`${error.message}`)) return false;
     return save(kind, true);
   }
@@ -87,7 +94,10 @@ export function openFiles() {
   byId("render-cancel").addEventListener("click", async () => {
     try { take(await post("api/render", { do: "cancel" })); } catch (error) { failed(error); }
   });
-  byId("open-files").addEventListener("click", () => byId("files").showModal());
+  byId("open-files").addEventListener("click", () => {
+    byId("save-says").textContent = "";
+    byId("files").showModal();
+  });
   byId("files-close").addEventListener("click", () => byId("files").close());
   on("state", update);
   update();

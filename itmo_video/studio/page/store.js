@@ -24,13 +24,19 @@ export function emit(event) {
 // Events: frame (another one), look (settings), view (how it is looked at), state (all else).
 export function change(values, event) {
   Object.assign(S, values);
+  if (event === "frame") forgiven();
   emit(event);
 }
 
 export function told(text, isError = false) {
   const line = document.getElementById("status");
-  line.textContent = text;
+  line.textContent = text.replace(/([^.:!?])\n/g, "$1. ");
   line.classList.toggle("error", isError);
+}
+
+// What was refused is no longer news once something else is looked at.
+function forgiven() {
+  if (document.getElementById("status").classList.contains("error")) told("");
 }
 
 export function failed(error) {
