@@ -109,7 +109,9 @@ def test_xyz_is_refused(tmp_path: Path) -> None:
         open_clip(path)
 
 
-def gif(canvas: tuple[int, int], frames: list[tuple[int, int, int, int, int]]) -> bytes:
+def gif(
+    canvas: tuple[int, int], frames: list[tuple[int, int, int, int, int]], disposal: int = 1
+) -> bytes:
     """A GIF of plain frames (left, top, width, height, colour) with a palette of four colours."""
     out = b"GIF89a" + struct.pack("<HH", *canvas) + bytes([0x81, 0, 0])
     out += bytes([250, 0, 0, 0, 250, 0, 0, 0, 250, 90, 90, 90])
@@ -117,7 +119,7 @@ def gif(canvas: tuple[int, int], frames: list[tuple[int, int, int, int, int]]) -
         codes = [code for _ in range(width * height) for code in (4, colour)] + [5]
         bits = sum(code << 3 * n for n, code in enumerate(codes))  # a clear code before each pixel
         body = bits.to_bytes((3 * len(codes) + 7) // 8, "little")
-        out += bytes([0x21, 0xF9, 4, 4, 10, 0, 0, 0, 0x2C])
+        out += bytes([0x21, 0xF9, 4, disposal << 2, 10, 0, 0, 0, 0x2C])
         out += struct.pack("<HHHHB", left, top, width, height, 0)
         out += bytes([2, len(body)]) + body + bytes(1)
     return out + b";"
@@ -143,5 +145,30 @@ def test_gif_is_clear_where_no_frame_painted(tmp_path: Path, count: int) -> None
 def test_a_whole_gif_has_no_alpha(tmp_path: Path) -> None:
     path = tmp_path / "a.gif"
     path.write_bytes(gif((6, 5), [(0, 0, 6, 5, 1), (1, 1, 2, 2, 0)]))
+    with open_clip(path) as clip:
+        assert not clip.info.encoding.has_alpha
+
+
+@pytest.mark.parametrize("first", [(0, 0, 6, 5, 1), (1, 1, 3, 3, 1)])
+def test_a_gif_frame_that_is_taken_away_leaves_it_clear(
+    tmp_path: Path, first: tuple[int, int, int, int, int]
+) -> None:
+    path = tmp_path / "a.gif"
+    path.write_bytes(gif((6, 5), [first, (1, 1, 2, 2, 2), (0, 0, 1, 1, 3)], disposal=2))
+    with open_clip(path) as clip:
+        frames = list(clip.frames())
+        (again,) = clip.frames(2)
+    for frame, (left, top, width, height) in zip(
+        frames, (first[:4], (1, 1, 2, 2), (0, 0, 1, 1)), strict=True
+    ):
+        alpha = np.zeros((5, 6), np.uint8)
+        alpha[top : top + height, left : left + width] = 255
+        assert (frame.planes[3] == alpha).all()
+    assert all((a == b).all() for a, b in zip(again.planes, frames[2].planes, strict=True))
+
+
+def test_whole_gif_frames_that_hide_each_other_have_no_alpha(tmp_path: Path) -> None:
+    path = tmp_path / "a.gif"
+    path.write_bytes(gif((6, 5), [(0, 0, 6, 5, 1), (0, 0, 6, 5, 2)], disposal=2))
     with open_clip(path) as clip:
         assert not clip.info.encoding.has_alpha

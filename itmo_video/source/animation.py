@@ -87,6 +87,8 @@ class AnimationClip(Clip):
                         image.seek(before + index)
                         image.load()
                         picture = pillow_stills.picture(image, self._kind)
+                        if self._kind == "gif":
+                            pillow_stills.dispose_to_clear(image)
                 except DamagedInputError:
                     return
                 if index >= start:

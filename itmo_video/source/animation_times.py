@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from fractions import Fraction
 
-from itmo_video.source import avif, png_chunks
+from itmo_video.source import avif, gif_canvas, png_chunks
 from itmo_video.source.damage import DamageError
 from itmo_video.source.still_formats import StillFormat
 
@@ -80,6 +80,7 @@ def _gif(data: bytes) -> Timing:
             needs_alpha = needs_alpha or (disposal == 2 and has_clear)
             delay, disposal, has_clear = Fraction(0), 0, False
     shown, is_changed = _shown(lengths)
+    needs_alpha = needs_alpha or gif_canvas.uncovers(data)
     return Timing(shown, len(lengths), damage or None, needs_alpha, is_changed)
 
 

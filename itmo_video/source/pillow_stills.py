@@ -107,6 +107,14 @@ def picture(image: Any, kind: StillFormat) -> StillPicture:
     )
 
 
+def dispose_to_clear(image: Any) -> None:
+    """Have a GIF's frame that is taken away leave clear canvas, not the background's colour."""
+    from PIL import Image
+
+    if image.disposal_method == 2 and image.mode == "RGBA" and image.dispose is not None:
+        image.dispose = Image.new("RGBA", image.dispose.size, 0).im
+
+
 def _heif(data: bytes, max_pixels: int, where: str) -> StillPicture:
     import pillow_heif
 
