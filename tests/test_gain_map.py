@@ -187,7 +187,7 @@ PHOTOS = sorted((clips.SHARED / "data" / "gainmap_photos").glob("*.jp*g"))[:3]
 
 
 @pytest.mark.skipif(not PHOTOS, reason="needs ../shared/data/gainmap_photos")
-@pytest.mark.parametrize("photo", PHOTOS, ids=lambda path: path.stem)
+@pytest.mark.parametrize("photo", PHOTOS, ids=[path.stem for path in PHOTOS])
 def test_photographs_written_again(photo: Path) -> None:
     """Decoded by libultrahdr, written by us, decoded again: 40 dB PQ at least (issue 25)."""
     data = photo.read_bytes()
