@@ -82,6 +82,6 @@ class TestKernels:
 
     def test_render(self, benchmark: Any, size: str, depth: int) -> None:
         look, frame = make_look(make_settings()), frame_of(size, depth)
-        small = np.random.default_rng(1).random((288, 512), np.float32)
+        small = np.random.default_rng(1).random((288, 512, 4), np.float32)
         assert benchmark(render, frame, small, look).rgb[0].dtype == np.float16
         record(benchmark, size)
