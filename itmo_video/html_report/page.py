@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -17,7 +15,7 @@ from itmo_video.delivery.from_folder import from_folder
 from itmo_video.delivery.pictures import Picture, Pictures
 from itmo_video.errors import UsageError
 from itmo_video.events import FrameDone, OnEvent, Started, Warned, ignore
-from itmo_video.html_report import embed, measure, plots
+from itmo_video.html_report import embed, measure, page_words, plots
 from itmo_video.html_report.measure import FilmFacts, Measured
 from itmo_video.html_report.report_options import ReportOptions
 from itmo_video.html_report.viewer_data import MAX_WIDTH, import_map, viewer_data
@@ -25,12 +23,10 @@ from itmo_video.options import checked, checked_path
 from itmo_video.output.converted import Converted, open_converted, peak_nits_of
 from itmo_video.output.gate import PAGE, Gate
 from itmo_video.output.manifest import Manifest
-from itmo_video.source.facts import clip_facts
 from itmo_video.source.opening import input_files
-from itmo_video.words import counted, to_install
+from itmo_video.words import to_install
 
 MAX_FRAMES = 240
-MOST_SHOTS = 40  # whose rendering is told
 MAX_PICTURE_CHARACTERS = 13_500_000  # the page with its plots stays below 15 MB
 REPORT_NAME = "report.html"
 
@@ -63,7 +59,7 @@ def report(
         on_event(Warned(notice))
     on_event(Started(str(folder), str(gate.path), len(pictures.numbers), 0))
     facts, embedded = _measured(pictures, converted, on_event)
-    told = _source_facts(clip, converted) + _renderings(facts, converted)
+    told = page_words.source_facts(clip, converted) + page_words.renderings(facts, converted)
     text = render_page(converted, pictures, facts, embedded, told)
     gate.write(text.encode("utf-8", "backslashreplace"))
     return gate.path
@@ -134,36 +130,13 @@ def render_page(
     shares = facts.histogram.tolist()
     bars = plots.bars(shares, measure.LOWEST_STOP, measure.BINS_A_STOP)
     return str(_templates().get_template("report.html.j2").render(
-        source_name=manifest.source_name, headline=_headline(pictures), viewer=viewer,
+        source_name=manifest.source_name, headline=page_words.headline(pictures), viewer=viewer,
         style=_raw("report.css"), script=_raw("report.js"), import_map=_markup(import_map()),
         shown_frames=format_ranges([e.number for e in embedded]), frame_count=len(frames),
-        white_nits=f"{white:g}", levels=_levels(facts), plots=_plots(facts), bars=bars,
-        tallest=f"{max(shares):.1%}", warnings=_warnings(facts, pictures, converted),
-        facts=source_facts, settings=_settings_rows(converted),
+        white_nits=f"{white:g}", levels=page_words.levels(facts), plots=_plots(facts), bars=bars,
+        tallest=f"{max(shares):.1%}", warnings=page_words.warnings(facts, pictures, converted),
+        facts=source_facts, settings=page_words.settings_rows(converted),
     ))  # fmt: skip
-
-
-def _headline(pictures: Pictures) -> str:
-    width, height = pictures.size
-    frames = counted(len(pictures.numbers), "frame")
-    return (
-        f"{frames} ({format_ranges(pictures.numbers)}), {width}x{height}, "
-        f"{float(pictures.frame_rate):g} frames a second, white {pictures.white_nits:g} nits, "
-        f"peak {pictures.peak_nits:g} nits"
-    )
-
-
-def _levels(facts: FilmFacts) -> list[tuple[str, str]]:
-    frames = facts.frames
-    mean = float(np.mean([frame.mean for frame in frames]))
-    return [
-        ("MaxCLL", f"{facts.light.peak:.1f} nits"),
-        ("MaxFALL", f"{facts.light.average:.1f} nits"),
-        ("Highest luminance", f"{max(frame.maximum for frame in frames):.1f} nits"),
-        ("Mean luminance", f"{mean:.2f} nits"),
-        ("Cuts", str(len(facts.cuts))),
-        ("Keyframes", str(len(facts.keys))),
-    ]
 
 
 def _plots(facts: FilmFacts) -> list[plots.Drawn]:
@@ -191,84 +164,6 @@ def _plots(facts: FilmFacts) -> list[plots.Drawn]:
         line = plots.Line("gain, change along the motion", facts.gain_flicker)
         out.append(plots.Plot("Gain flicker", "stops", [line], numbers, cuts, keys))
     return [plots.draw(plot) for plot in out]
-
-
-def _warnings(facts: FilmFacts, pictures: Pictures, converted: Converted) -> list[str]:
-    frames, out = facts.frames, list(pictures.damage)
-    if converted.absent:
-        out.append(f"Frames {converted.absent} are not in the folder.")
-    if broken := [f.number for f in frames if f.not_finite]:
-        out.append(f"Frames {format_ranges(broken)} hold values that are not finite.")
-    if clipped := [f.number for f in frames if f.at_peak > 0.02]:
-        out.append(
-            f"More than 2 % of the picture is at the peak in frames {format_ranges(clipped)}: "
-            "large areas clip there."
-        )
-    if facts.light.average > 400:
-        out.append(
-            f"MaxFALL is {facts.light.average:.0f} nits: televisions dim pictures above about 400."
-        )
-    if pictures.clip is None:
-        source = converted.manifest.source_name
-        out.append(
-            f"The source was not given (report --source {source}), so there is no before and "
-            "after, and cuts are those seen in the result."
-        )
-    if "expand_map" not in converted.settings.layers:
-        out.append("The Expand Map was not stored (convert --layers expand_map).")
-    return out
-
-
-def _source_facts(clip: str | Path | None, converted: Converted) -> list[tuple[str, str]]:
-    if clip is None:
-        return [("source", "not given to this report")]
-    with converted.open_source(Path(clip)) as opened:
-        told = clip_facts(opened.info) | {"remarks": list(opened.info.notices)}
-    rows: list[tuple[str, str]] = []
-    for name, value in told.items():
-        if name != "path":
-            rows.append((str(name).replace("_", " "), _told(value)))
-    return rows
-
-
-def _renderings(facts: FilmFacts, converted: Converted) -> list[tuple[str, str]]:
-    """How the shots were rendered to SDR and what was done, of those the operator asks it for."""
-    rows = []
-    for shot in facts.shots:
-        settings = converted.settings_of(shot.first)
-        if settings.operator == "auto":
-            found = replace(shot.rendering, footage=settings.footage)
-            frames = format_ranges(range(shot.first, shot.last + 1))
-            rows.append((f"rendering, frames {frames}", found.in_words(settings.l_max_effective)))
-    more = len(rows) - MOST_SHOTS
-    return rows if more <= 0 else [*rows[:MOST_SHOTS], ("rendering", f"{more} more shots")]
-
-
-def _settings_rows(converted: Converted) -> list[tuple[str, str]]:
-    rows = [
-        (name.replace("_", "-"), _told(value))
-        for name, value in converted.manifest.settings.items()
-        if name != "shots"
-    ]
-    common = converted.settings.as_dict()
-    for shot in converted.shots:
-        first, last = (converted.first_number + index for index in (shot.first, shot.last))
-        own = {n: v for n, v in shot.settings.as_dict().items() if v != common[n]}
-        told = ", ".join(f"{n.replace('_', '-')} {_told(v)}" for n, v in own.items())
-        rows.append((f"frames {format_ranges(range(first, last + 1))}", told))
-    return rows
-
-
-def _told(value: object) -> str:
-    if value is None or isinstance(value, bool):
-        return {None: "none", True: "yes", False: "no"}[value]
-    if isinstance(value, str):
-        return value
-    if isinstance(value, dict):
-        return ", ".join(f"{k} {_told(v)}" for k, v in value.items()) or "none"
-    if isinstance(value, list | tuple):
-        return ", ".join(_told(v) for v in value) or "none"
-    return f"{value:g}" if isinstance(value, float) else json.dumps(value, default=str)
 
 
 def _raw(name: str) -> Any:

@@ -100,9 +100,9 @@ def gain_auto(
     l_max, apart = context.l_max, context.hue == "restore"
     peak_stops = np.float32(math.log2(l_max))
     limited = [np.clip(plane, 0, 1) for plane in rgb]
+    greatest = np.maximum(np.maximum(limited[0], limited[1]), limited[2])
     curve: Float32 | np.float32 = np.float32(0)
     if len(maps) == 4:
-        greatest = np.maximum(np.maximum(limited[0], limited[1]), limited[2])
         even = np.float32(1) if ratio is None else np.clip(ratio, RATIO_LOW, RATIO_HIGH)
         least = np.float32(LEAST_LIGHT)
         light = np.clip((luminance_of(limited) + greatest) * np.float32(0.5) * even, least, 1)
@@ -120,8 +120,7 @@ def gain_auto(
         gate = np.maximum(gate - np.float32(_OPEN_LOW), 0)
         stops.append(np.maximum(known - curve, 0) * gate / np.float32(_OPEN_WHITE - _OPEN_LOW))
     common = np.minimum(np.minimum(stops[0], stops[1]), stops[2])
-    highest = np.maximum(np.maximum(limited[0], limited[1]), limited[2])
-    open_ = ramps(highest, APART_FROM, APART_WHOLLY)
+    open_ = ramps(greatest, APART_FROM, APART_WHOLLY)
     most = _stops_apart(limited, peak_stops)
     gains = []
     for plane, own in zip(limited, stops, strict=True):

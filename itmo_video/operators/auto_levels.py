@@ -16,6 +16,7 @@ from typing import Any
 import cv2
 import numpy as np
 
+from itmo_video.colour.luminance import greatest_of
 from itmo_video.model import Float32
 
 # As in docs/auto/network.py, to which the weights belong.
@@ -44,7 +45,7 @@ def features(codes: Float32, height: int) -> Float32:
     is row `height`: rows beyond it are padding. h and w are even.
     """
     h, w = codes.shape[0] // 2, codes.shape[1] // 2
-    greatest = np.maximum(np.maximum(codes[..., 0], codes[..., 1]), codes[..., 2])
+    greatest = greatest_of(codes)
     gates = 1 / (1 + np.exp(np.float32(-GATE_SLOPE) * (greatest - np.float32(GATE_CENTRE))))
     gates *= np.float32(1 + math.exp(-GATE_SLOPE * (1 - GATE_CENTRE)))
     planes = np.concatenate([(codes - np.float32(0.5)).transpose(2, 0, 1), gates[None]])
@@ -54,20 +55,11 @@ def features(codes: Float32, height: int) -> Float32:
     return np.ascontiguousarray(np.concatenate([squares, row]), np.float32)
 
 
-def clipped_levels(rgb_linear: Float32, l_max: float, wrap_x: bool = False) -> Float32:
-    """Expected log2 of R, G and B of each place were they clipped, over log2 L'max: (H, W, 3).
-
-    `rgb_linear` is the picture at analysis size, float32 (H, W, 3) in [0, 1]; `wrap_x` for a
-    panorama. Float32 in [0, 1].
-    """
-    shares = level_shares(rgb_linear, wrap_x)
-    return expected_levels(shares, rgb_linear.shape[:2], l_max, wrap_x)
-
-
 def level_shares(rgb_linear: Float32, wrap_x: bool = False) -> Float32:
     """The network's word, whatever L'max: float32 (3, levels, h, w), shares that reach a level.
 
-    `rgb_linear` as for `clipped_levels`; h and w are half of the network's padded picture's.
+    `rgb_linear` is the picture at analysis size, float32 (H, W, 3) in [0, 1]; `wrap_x` for a
+    panorama. h and w are half of the network's padded picture's.
     """
     height, width = _seen_size(*rgb_linear.shape[:2])
     if (height, width) != rgb_linear.shape[:2]:
@@ -91,7 +83,10 @@ def level_shares(rgb_linear: Float32, wrap_x: bool = False) -> Float32:
 def expected_levels(
     shares: Float32, size: tuple[int, ...], l_max: float, wrap_x: bool = False
 ) -> Float32:
-    """What `clipped_levels` gives for a picture of `size` (H, W) whose `level_shares` these are."""
+    """Expected log2 of R, G and B of each place were they clipped, over log2 L'max: (H, W, 3).
+
+    Float32 in [0, 1], of a picture of `size` (H, W) whose `level_shares` these are.
+    """
     height, width = _seen_size(size[0], size[1])
     peak_stops = math.log2(max(l_max, 1 + 1e-6))
     edges = np.minimum(EDGES_STOPS, peak_stops)

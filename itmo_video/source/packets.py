@@ -131,7 +131,7 @@ def scan_packets(container: Any, stream: Any) -> Packets:
     order: dict[int, tuple[int, int]] = {}
     keys: list[tuple[int, int, int]] = []
     is_unique, discarded, jumps = True, 0, Jumps(stream)
-    last, end, size = (0, 0), 0, 0
+    last, tail = (0, 0), (0, 0)
     codec = str(stream.codec_context.name)
     for packet in read_packets(container, stream):
         if packet.size == 0:
@@ -140,7 +140,7 @@ def scan_packets(container: Any, stream: Any) -> Packets:
         if is_hidden(packet, codec):
             continue
         stamps.append(pts)
-        size, end = packet.size, (packet.pos or 0) + packet.size
+        tail = packet.size, (packet.pos or 0) + packet.size
         jumps.see(packet.dts if packet.dts is not None else pts)
         is_unique = is_unique and pts is not None and pts not in order
         if pts is not None:
@@ -151,11 +151,7 @@ def scan_packets(container: Any, stream: Any) -> Packets:
                 shown.append(pts)
                 last = max(last, (pts, int(packet.duration or 0)))
         discarded += packet.is_discard
-    declared = _declared_frames(container, stream, len(stamps), shown)
-    if str(container.format.name) == "yuv4mpegpipe" and end:
-        # To FFmpeg a damaged FRAME line, and a frame that was cut, are the end of the stream.
-        rest = os.stat(container.name).st_size - end
-        declared = len(stamps) - (-rest // (size + len(b"FRAME\n")))
+    declared = _declared_frames(container, stream, len(stamps), shown, tail)
     if declared is not None:
         declared -= discarded
     repeats = _empty_chunks(container, stream, shown, declared) if is_unique else frozenset()
@@ -225,8 +221,16 @@ def is_hidden(packet: Any, codec: str) -> bool:
     return codec == "vp8" and not memoryview(packet)[0] & 0x10
 
 
-def _declared_frames(container: Any, stream: Any, count: int, pts: list[int]) -> int | None:
+def _declared_frames(
+    container: Any, stream: Any, count: int, pts: list[int], tail: tuple[int, int]
+) -> int | None:
+    """How many frames the file should have; `tail` is the last packet's size and its end."""
     name = str(container.format.name)
+    if name == "yuv4mpegpipe" and count:
+        # To FFmpeg a damaged FRAME line, and a frame that was cut, are the end of the stream.
+        size, end = tail
+        rest = os.stat(container.name).st_size - end
+        return count - (-rest // (size + len(b"FRAME\n")))
     if name.startswith("mov"):
         return max(len(stream.index_entries), count)
     if name == "avi" and stream.frames:

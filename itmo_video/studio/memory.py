@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import OrderedDict
-from collections.abc import Hashable, Iterator
+from collections.abc import Callable, Hashable, Iterator
 from fractions import Fraction
 from threading import Lock
 from typing import Generic, TypeVar
@@ -34,6 +34,14 @@ class Memory(Generic[V]):
                 return None
             self._values.move_to_end(key)
             return self._values[key][0]
+
+    def recall(self, key: Hashable, make: Callable[[], V], size_of: Callable[[V], int]) -> V:
+        """The value, made where it is not held; it is made outside of the lock."""
+        held = self.get(key)
+        if held is None:
+            held = make()
+            self.put(key, held, size_of(held))
+        return held
 
     def put(self, key: Hashable, value: V, size_bytes: int) -> None:
         """Hold a value; others go for it. One that is too large by itself is not held."""

@@ -199,48 +199,41 @@ class Session:
 
     def _analyse(self, frame: Frame, map_width: int) -> Analysed:
         self._check()
-        key = (frame.index, map_width)
-        held = self._small.get(key)
-        if held is None:
+
+        def make() -> tuple[Float32, Code, Float32]:
             made = analyse_frame(frame, map_width)
-            held = made.guide, made.grey, made.tiny
-            self._small.put(key, held, sum(part.nbytes for part in held))
-        return Analysed(frame, *held)
+            return made.guide, made.grey, made.tiny
+
+        return Analysed(frame, *self._small.recall((frame.index, map_width), make, _bytes_of_all))
 
     def _make_map(self, frame: Frame, look: Look) -> Float32:
         key = ("key", frame.index, map_settings(look))
-        held = self._maps.get(key)
-        if held is None:
-            reading = (
-                frame.index,
-                look.operator.name,
-                look.settings.map_width,
-                look.settings.projection,
-            )
-            held = make_key_map(frame, look, partial(self._recall, reading))
-            self._maps.put(key, held, held.nbytes)
-        return held
+        reading = frame.index, look.operator.name, look.settings.map_width, look.settings.projection
+        recall = partial(self._recall, reading)
+        return self._maps.recall(key, lambda: make_key_map(frame, look, recall), _bytes_of)
 
     def _recall(self, reading: Hashable, what: str, make: Callable[[], Any]) -> Any:
         """What an operator made of a key's picture alone, so that a new peak takes no network."""
-        held = self._seen.get((reading, what))
-        if held is None:
-            held = make()
-            self._seen.put((reading, what), held, getattr(held, "nbytes", 1 << 10))
-        return held
+        return self._seen.recall((reading, what), make, _bytes_of)
 
     def _find_flow(self, here: Code, there: Code) -> Float32:
         # By identity, which holds as long as both pictures are held beside the flow.
         key = ("flow", id(here), id(there))
-        held = self._flows.get(key)
-        if held is None:
-            held = flow_px(here, there), here, there
-            self._flows.put(key, held, sum(part.nbytes for part in held))
-        return held[0]
+        return self._flows.recall(key, lambda: (flow_px(here, there), here, there), _bytes_of_all)[
+            0
+        ]
 
     def _check(self) -> None:
         if self._stale():
             raise StaleError
+
+
+def _bytes_of(value: Any) -> int:
+    return int(getattr(value, "nbytes", 1 << 10))
+
+
+def _bytes_of_all(values: Sequence[Any]) -> int:
+    return sum(_bytes_of(value) for value in values)
 
 
 def reduced(frame: Frame, scale: int) -> Frame:
