@@ -47,7 +47,7 @@ class Look:
     @property
     def notices(self) -> tuple[str, ...]:
         """A word about settings that were asked for (make_settings) and have no effect."""
-        _, overrides = self.settings.asked or ("", {})
+        _, overrides = self.settings.asked or ({}, {})
         idle = [flag_name(name) for name in overrides if name in self._idle]
         if not idle:
             return ()

@@ -28,8 +28,13 @@ def make_settings(preset: str = "default", **overrides: Any) -> Settings:
     >>> make_settings("default", peak_nits=812).l_max_effective
     4.0
     """
-    settings = settings_from(overriding(load_preset(preset), overrides))
-    object.__setattr__(settings, "asked", (preset, overrides))
+    return made_of(load_preset(preset), overrides)
+
+
+def made_of(base: Mapping[str, Any], overrides: Mapping[str, Any]) -> Settings:
+    """`make_settings` where the preset was read before: `base` is what `load_preset` gave."""
+    settings = settings_from(overriding(base, overrides))
+    object.__setattr__(settings, "asked", (base, overrides))
     return settings
 
 
@@ -78,12 +83,13 @@ def with_own(base: Settings, own: Mapping[str, Any]) -> Settings:
     _require_one_maximum(own)
     values = {name: value for name, value in own.items() if name != "preset"}
     preset, asked = base.asked or (None, _asked_for(base))
-    preset = own.get("preset", preset)
+    if "preset" in own:
+        preset = load_preset(own["preset"])
     for said, replaced in (("l_max", "peak_nits"), ("peak_nits", "l_max")):
         if said in values:
             asked = {name: value for name, value in asked.items() if name != replaced}
     together = {**asked, **{name: getattr(base, name) for name in OF_CLIP}, **values}
-    return settings_from(together) if preset is None else make_settings(preset, **together)
+    return settings_from(together) if preset is None else made_of(preset, together)
 
 
 def _asked_for(settings: Settings) -> dict[str, Any]:

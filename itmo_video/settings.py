@@ -40,8 +40,8 @@ class Settings:
     itmo_video.errors.UsageError: key-interval must be from 1 to 60, not 0
     """
 
-    asked: ClassVar[tuple[str, Mapping[str, Any]] | None] = None
-    """The preset and the overrides, where make_settings made it; no part of its value."""
+    asked: ClassVar[tuple[Mapping[str, Any], Mapping[str, Any]] | None] = None
+    """What the preset says and the overrides, where make_settings made it; no part of its value."""
 
     operator: str = setting(
         "banterle2006",

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import tempfile
 import threading
 from collections.abc import Callable, Mapping
@@ -99,7 +98,7 @@ class Desk:
         with self._lock:
             document = self.history.now
         if preset is not None:
-            document = dataclasses.replace(document, preset=preset, changed={})
+            document = documents.with_preset(document, preset)
         document = documents.set_values(document, values, None)
         _ = document.look
         return self._shown(index, document, "hdr", scale, "try")

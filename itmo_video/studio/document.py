@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from types import MappingProxyType
 from typing import Any
 
 from itmo_video.analysis.model import Analysis, Shot
@@ -12,25 +13,34 @@ from itmo_video.conversion.plan import ShotLook, shot_looks
 from itmo_video.errors import UsageError
 from itmo_video.look import Look, make_look
 from itmo_video.model import ClipInfo
-from itmo_video.presets import check_own, make_settings
+from itmo_video.presets import check_own, load_preset, made_of
 from itmo_video.settings import Settings
 
 STEPS = 200  # that can be undone
 _MAXIMA = ("l_max", "peak_nits")
+_UNREAD: Mapping[str, Any] = MappingProxyType({})
 
 
 @dataclass(frozen=True)
 class Document:
-    """A preset, the settings changed on top of it, and the clip's shots (none until analysed)."""
+    """A preset, the settings changed on top of it, and the clip's shots (none until analysed).
+
+    `base` is what the preset's file says; it is read once, as the file may be saved over.
+    """
 
     preset: str
     changed: Mapping[str, Any] = field(default_factory=dict)
     analysis: Analysis | None = None
+    base: Mapping[str, Any] = field(default_factory=lambda: _UNREAD, repr=False)
+
+    def __post_init__(self) -> None:
+        if self.base is _UNREAD:
+            object.__setattr__(self, "base", load_preset(self.preset))
 
     @cached_property
     def settings(self) -> Settings:
         """The clip's settings; raises UsageError where they do not fit together."""
-        return make_settings(self.preset, **self.changed)
+        return made_of(self.base, self.changed)
 
     @cached_property
     def look(self) -> Look:
@@ -61,6 +71,13 @@ class Document:
         if self.analysis is None:
             raise UsageError("the clip's cuts are not known yet", remedy="Wait a moment.")
         return replace(self, analysis=replace(self.analysis, shots=tuple(shots)))
+
+
+def with_preset(document: Document, name: Any) -> Document:
+    """Another preset in place of what was set for the clip; a path is not the page's to choose."""
+    if not isinstance(name, str) or name.endswith(".toml"):
+        raise UsageError(f"unknown preset {name!r}")
+    return Document(name, {}, document.analysis)
 
 
 def set_values(document: Document, values: Mapping[str, Any], shot: int | None) -> Document:

@@ -48,13 +48,13 @@ class Runner:
         with self._lock:
             if self.progress.state == "running":
                 raise UsageError("a render is running", remedy="Wait for it, or cancel it.")
-            self.progress = Progress("running", kind, str(output))
             # A session of its own: Ctrl-C in the studio's terminal is the studio's to pass on.
             self._process = subprocess.Popen(
                 [sys.executable, "-m", "itmo_video", *arguments, "--json"],
                 stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
                 text=True, errors="backslashreplace", start_new_session=True,
             )  # fmt: skip
+            self.progress = Progress("running", kind, str(output))
             self._follower = threading.Thread(
                 target=self._follow, args=(self._process, self.progress), daemon=True
             )

@@ -14,7 +14,7 @@ from itmo_video.errors import InputError, OutputError, UsageError
 from itmo_video.options import flag_name
 from itmo_video.output.atomic import StrPath
 from itmo_video.output.gate import ANALYSIS, Gate, Kind
-from itmo_video.presets import load_preset, read_preset
+from itmo_video.presets import overriding, read_preset
 from itmo_video.studio.document import Document
 
 SUFFIXES = {"preset": ".toml", "shots": ".json"}
@@ -84,21 +84,10 @@ def preset_toml(document: Document) -> bytes:
     """The clip's settings as a preset's file, with all that the preset it is based on sets."""
     import tomli_w
 
-    values = {name: value for name, value in document.changed.items() if value is not None}
-    base = load_preset(document.preset)
-    if "operator" in values and values["operator"] != base.get("operator"):
-        # As make_settings does: what the preset sets for its own operator would not hold.
-        base = {name: value for name, value in base.items() if _holds(name, document, value)}
-    for one, other in (("l_max", "peak_nits"), ("peak_nits", "l_max")):
-        if one in values:
-            base.pop(other, None)
-    settings = {flag_name(name): _plain(value) for name, value in (base | values).items()}
+    said = overriding(document.base, document.changed)
+    settings = {flag_name(name): _plain(v) for name, v in said.items() if v is not None}
     content = {"description": f"made in the studio from {document.preset}", "settings": settings}
     return tomli_w.dumps(content).encode()
-
-
-def _holds(name: str, document: Document, value: Any) -> bool:
-    return bool(_plain(getattr(document.settings, name)) == _plain(value))
 
 
 def shots_json(document: Document) -> bytes:

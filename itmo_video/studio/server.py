@@ -160,10 +160,7 @@ def _change(do: str, asked: dict[str, Any]) -> Callable[[Document], Document]:
         place = None if shot is None else _whole(shot)
         return lambda document: documents.set_values(document, values, place)
     if do == "preset":
-        name = asked.get("preset")
-        if not isinstance(name, str) or name.endswith(".toml"):
-            raise UsageError(f"unknown preset {name!r}")  # a path is not the page's to choose
-        return lambda document: Document(name, {}, document.analysis)
+        return partial(documents.with_preset, name=asked.get("preset"))
     if do == "split":
         return partial(documents.split, at=_whole(asked.get("at")))
     if do == "merge":

@@ -96,6 +96,18 @@ def test_a_saved_preset_is_what_was_decided(
     assert make_settings(str(path)) == document.settings
 
 
+def test_a_preset_file_that_is_saved_over_is_still_what_it_was(tmp_path: Path) -> None:
+    """Else undone changes come back in what is rendered: the page shows what was read at first."""
+    path = tmp_path / "base.toml"
+    path.write_text("[settings]\nstrength = 0.3\n")
+    document = Document(str(path))
+    changed = set_values(document, {"strength": 1.5}, None)
+    path.write_bytes(preset_toml(changed))
+    for now in (document, set_values(changed, {"strength": None}, None)):
+        (tmp_path / "again.toml").write_bytes(preset_toml(now))
+        assert make_settings(str(tmp_path / "again.toml")).strength == now.settings.strength == 0.3
+
+
 def test_saved_shots_are_read_back(tmp_path: Path, document: Document) -> None:
     changed = set_values(split(document, 4), {"peak_nits": 400.0}, 1)
     path = Saver(tmp_path).save("shots", "list", changed, False)

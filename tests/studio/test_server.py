@@ -117,6 +117,8 @@ def test_errors_are_told(client: TestClient) -> None:
         ("api/edit", {"do": "split", "at": "x"}),
         ("api/try", {"index": 1, "values": [1]}),
         ("api/try", {"index": 1, "preset": "../x"}),
+        ("api/try", {"index": 1, "preset": "/work/a.toml"}),
+        ("api/try", {"index": 1, "preset": 3}),
         ("api/save", {"kind": "preset", "name": "../../x"}),
         ("api/render", {"kind": "rm", "name": "x"}),
         ("api/render", {"kind": "convert", "name": "../x"}),
