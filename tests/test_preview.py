@@ -23,11 +23,13 @@ from itmo_video.cli.main import main
 from itmo_video.colour import chroma, primaries, transfer
 from itmo_video.conversion.convert import RunOptions, convert
 from itmo_video.delivery import hdr, metadata, sdr
-from itmo_video.delivery.film_spec import HIGH_CRF
+from itmo_video.delivery.film_spec import HIGH_CRF, FilmSpec
+from itmo_video.delivery.film_writer import FilmWriter
 from itmo_video.delivery.in_order import Closed, InOrder, run_in_order
 from itmo_video.delivery.preview import PreviewOptions, PreviewSummary, preview
 from itmo_video.errors import UsageError
 from itmo_video.output.exr import read_exr
+from itmo_video.output.gate import FILM, Gate
 
 PEAK = 1000.0
 FILMS = [
@@ -213,6 +215,23 @@ def test_variable_frame_rate_keeps_its_time_stamps(tmp_path: Path) -> None:
             assert (box.streams.video[0].width, box.streams.video[0].height) == (98, 66), "padding"
             times = [f.pts * f.time_base for f in box.decode(video=0)]
         assert times == [Fraction(s, 12800) for s in stamps], f"{codec}: time stamps moved"
+
+
+@pytest.mark.parametrize("frames", [1, 2])
+def test_hevc_of_few_frames_has_times(tmp_path: Path, frames: int) -> None:
+    """x265 alone gives them a decoding time by chance: one film in seven could not be written."""
+    base = Fraction(1, 25)
+    spec = FilmSpec(64, 48, 1 / base, base, Fraction(1), "hlg", "hevc", speed="ultrafast")
+    grey = (np.full((48, 64), 512, np.uint16), *[np.full((24, 32), 512, np.uint16)] * 2)
+    for number in range(12):
+        path = tmp_path / f"{number}.mp4"
+        with FilmWriter(Gate(path, FILM), spec) as film:
+            for index in range(frames):
+                film.write(grey, index * base)
+            film.finish(None)
+        with av.open(str(path)) as box:
+            times = [(p.pts * p.time_base, p.dts * p.time_base) for p in box.demux() if p.size]
+        assert times == [(index * base, index * base) for index in range(frames)]
 
 
 def test_chapters_and_the_shape_of_pixels_stay(tmp_path: Path) -> None:

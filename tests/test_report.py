@@ -6,6 +6,7 @@ import json
 import re
 import shutil
 import sys
+import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -26,6 +27,7 @@ from itmo_video.output.manifest import MANIFEST_NAME
 
 HOSTILE = "<script>alert(1)<∕script>.mkv"  # file names cannot hold a plain slash
 WEIGHTS = (0.2126, 0.7152, 0.0722)
+PATIENCE_S = 60.0
 
 
 @pytest.fixture(scope="module")
@@ -179,7 +181,15 @@ def move(tab: Any, control: str, value: float) -> None:
         " e.dispatchEvent(new Event('input')); }",
         [control, value],
     )
-    tab.wait_for_timeout(150)
+
+
+def changed(tab: Any, before: str) -> str:
+    """The picture once it is another one."""
+    end = time.monotonic() + PATIENCE_S
+    while (shown := pixels(tab)) == before:
+        assert time.monotonic() < end, "a control changed nothing"
+        tab.wait_for_timeout(20)
+    return shown
 
 
 def test_controls_change_the_picture(opened: tuple[Any, list[str]]) -> None:
@@ -187,26 +197,24 @@ def test_controls_change_the_picture(opened: tuple[Any, list[str]]) -> None:
     seen = [pixels(tab)]
     for control, value in (("frame", 5), ("exposure", -2), ("exposure-sdr", -1), ("split", 10)):
         move(tab, control, value)
-        seen.append(pixels(tab))
-    tab.check("input[value=false]")
-    seen.append(pixels(tab))
-    tab.check("#map")
-    seen.append(pixels(tab))
-    assert len(set(seen)) == len(seen), "a control changed nothing"
+        seen.append(changed(tab, seen[-1]))
+    for choice in ("input[value=false]", "#map"):
+        tab.check(choice)
+        seen.append(changed(tab, seen[-1]))
+    assert len(set(seen)) == len(seen), "a control leads back to what was shown before"
     assert told == [], "the page complained or asked for something"
 
 
 def test_it_plays_and_its_divider_is_dragged(opened: tuple[Any, list[str]]) -> None:
     tab, told = opened
     tab.click("#play")
-    seen = set()
-    for _ in range(200):
+    seen: set[str] = set()
+    end = time.monotonic() + PATIENCE_S
+    while len(seen) <= 3:
+        assert time.monotonic() < end, "it does not play"
         seen.add(tab.get_attribute("#screen", "data-frame"))
-        if len(seen) > 3:
-            break
-        tab.wait_for_timeout(50)
+        tab.wait_for_timeout(20)
     tab.click("#play")
-    assert len(seen) > 3, "it does not play"
     handle = tab.query_selector("#divider").bounding_box()
     tab.mouse.move(handle["x"] + 1, handle["y"] + 20)
     tab.mouse.down()

@@ -367,7 +367,7 @@ def test_empty_chunks_of_avi_are_repeats(tmp_path: Path, which: set[int]) -> Non
 def test_hdr10_without_a_transfer_tag_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "a.mp4"
     mastering = "G(13250,34500)B(7500,3000)R(34000,16000)WP(15635,16450)L(10000000,1)"
-    params = f"log-level=none:pools=none:frame-threads=1:master-display={mastering}"
+    params = f"log-level=none:pools=none:bframes=0:frame-threads=1:master-display={mastering}"
     with av.open(str(path), "w") as box:
         stream = box.add_stream("libx265", rate=25, options={"x265-params": params})
         stream.width, stream.height, stream.pix_fmt = 64, 48, "yuv420p10le"

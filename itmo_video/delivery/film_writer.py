@@ -36,6 +36,10 @@ from itmo_video.output.atomic import temp_path
 from itmo_video.output.gate import Gate
 from itmo_video.source.packets import TAG_ERRORS
 
+# Of fewer frames than it may reorder x265 (4.1) reads a decoding time that it never wrote; it
+# keeps so few in their order.
+_X265_REORDERS = 2
+
 
 class FilmWriter:
     """Writes a film under a temporary name; `finish` completes it and puts it through its gate.
@@ -65,6 +69,7 @@ class FilmWriter:
         self.notices: list[str] = []
         self._temp = temp_path(path.absolute())
         self._last_pts: int | None = None
+        self._frames = 0
         self._lengths: dict[int, int] = {}
         self._end_s: Fraction | None = None
         muxer = MUXERS[path.suffix.lower()]
@@ -114,6 +119,7 @@ class FilmWriter:
         length = duration_s if duration_s is not None else 1 / spec.frame_rate
         frame.duration = max(1, round(length / spec.time_base))
         self._lengths[frame.pts] = frame.duration
+        self._frames += 1
         self._end_s = time_s + length
         tag_signal(frame, spec.signal)
         try:
@@ -178,6 +184,8 @@ class FilmWriter:
     def _mux(self, packets: list[Any]) -> None:
         for packet in packets:
             if packet.pts is not None:
+                if self.spec.codec == "hevc" and self._frames <= _X265_REORDERS:
+                    packet.dts = packet.pts
                 # Encoders drop it; the last frame of a varying rate has nothing else to say it.
                 packet.duration = self._lengths.pop(packet.pts, packet.duration)
                 self._mux_sound(packet.pts * Fraction(packet.time_base) + self._start_s)
