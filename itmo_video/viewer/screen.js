@@ -13,9 +13,10 @@ export class Screen {
     this.lights = [];
     this.shows = { divider: false, lights: false };
     this.frame = canvas.parentElement;
-    overlay.addEventListener("pointermove", (e) => {
-      if (e.buttons === 0) this.#probeAt(...this.#place(e));
-    });
+    for (const part of [overlay, divider])  // the divider's handle lies over the picture, too
+      part.addEventListener("pointermove", (e) => {
+        if (e.buttons === 0) this.#probeAt(...this.#place(e));
+      });
     overlay.addEventListener("pointerdown", (e) => this.#press(e));
     canvas.addEventListener("keydown", (e) => this.#key(e));
     divider.addEventListener("pointerdown", (e) => this.#drag(e));

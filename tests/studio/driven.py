@@ -5,15 +5,13 @@ from __future__ import annotations
 import re
 import signal
 import subprocess
-import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+from browser import PATIENCE_S, until
 from command import start
-
-PATIENCE_S = 60.0
 
 
 @contextmanager
@@ -37,7 +35,10 @@ def studio(clip: Path, folder: Path, *more: str) -> Iterator[str]:
 
 
 class Page:
-    """The studio's page in a tab: what it complained of or asked for elsewhere is in `told`."""
+    """The studio's page in a tab: what it complained of or asked for elsewhere is in `told`.
+
+    Nothing here waits for a time: the stage says what is drawn, and that it is busy until it is.
+    """
 
     def __init__(self, browser: Any, address: str, width: int = 1600, height: int = 950) -> None:
         self.tab = browser.new_page(viewport={"width": width, "height": height})
@@ -47,6 +48,7 @@ class Page:
         self.tab.on("pageerror", lambda error: self.told.append(f"error: {error}"))
         self.tab.on("request", self._asked(base))
         self.tab.goto(address)
+        self.size = self.get("about")["size"]
         self.ready()
 
     def _asked(self, base: str) -> Callable[[Any], None]:
@@ -56,64 +58,106 @@ class Page:
 
         return asked
 
+    def get(self, what: str) -> dict[str, Any]:
+        return dict(self.tab.evaluate(f"fetch('api/{what}').then((r) => r.json())"))
+
     def ready(self) -> None:
         self.tab.wait_for_selector("body[data-ready]", timeout=PATIENCE_S * 1e3)
-        self.until(lambda: self.tab.inner_text("#cuts-state") == "", "the cuts were not found")
+        self.until(lambda: self.get("state")["is_analysed"], "the cuts were not found")
+        self.until(lambda: self.tab.inner_text("#cuts-state") == "", "the cuts are not shown")
         self.settled()
 
     def until(self, holds: Callable[[], bool], otherwise: str) -> None:
-        """Wait until something holds. (The page forbids Playwright's own, which is by eval.)"""
-        end = time.monotonic() + PATIENCE_S
-        while not holds():
-            assert time.monotonic() < end, f"{otherwise}: {self.tab.inner_text('#status')}"
-            time.sleep(0.05)
+        until(holds, lambda: f"{otherwise}: {self.tab.inner_text('#status')} {self.stage()}")
 
     def stage(self) -> dict[str, str]:
-        return dict(self.tab.evaluate("({...document.getElementById('stage').dataset})"))
+        """What the stage says is drawn, and whether it is busy."""
+        return dict(
+            self.tab.evaluate(
+                "(({dataset, ariaBusy}) => ({...dataset, busy: ariaBusy}))"
+                "(document.getElementById('stage'))"
+            )
+        )
 
-    def settled(self) -> None:
-        """Wait until the whole picture of the present frame by the present settings is shown."""
+    def settled(self, **drawn: str) -> None:
+        """Wait until the whole picture of the present frame by the present settings is drawn.
+
+        With `drawn`: until the stage says that it is drawn so.
+        """
 
         def holds() -> bool:
-            version = self.tab.evaluate("fetch('api/state').then((r) => r.json())")["version"]
-            number = self.tab.input_value("#frame-number")
-            stage = self.stage()
-            return (stage.get("version"), stage.get("frame"), stage.get("scale")) == (
-                str(version), number, "1",
-            )  # fmt: skip
+            want = {
+                "version": str(self.get("state")["version"]), "busy": "false", "scale": "1",
+                "frame": self.tab.input_value("#frame-number"), **drawn,
+            }  # fmt: skip
+            return want.items() <= self.stage().items()
 
-        self.until(holds, "the picture did not come")
-        self.tab.wait_for_timeout(60)
+        self.until(holds, f"the picture did not come {drawn}")
+
+    def press(self, key: str, **drawn: str) -> None:
+        """Press a key that changes how the picture is looked at: `drawn` says how."""
+        self.tab.keyboard.press(key)
+        self.settled(**drawn)
+
+    def edits(self, act: Callable[[], object]) -> dict[str, Any]:
+        """Do something that changes the document, once; the state then."""
+        before = self.get("state")["version"]
+        act()
+        self.until(lambda: self.get("state")["version"] > before, "nothing was changed")
+        self.settled()
+        return self.get("state")
+
+    def opens(self, key: str, dialog: str) -> None:
+        self.tab.keyboard.press(key)
+        self.tab.wait_for_selector(f"#{dialog}", state="visible", timeout=PATIENCE_S * 1e3)
+
+    def closes(self, dialog: str) -> None:
+        self.tab.keyboard.press("Escape")
+        self.tab.wait_for_selector(f"#{dialog}", state="hidden", timeout=PATIENCE_S * 1e3)
 
     def pixels(self) -> str:
         return str(self.tab.evaluate("document.getElementById('picture').toDataURL()"))
 
     def set(self, name: str, value: object) -> None:
-        """Type a setting's value."""
+        """Type a setting's value, which is another one than before."""
         field = self.tab.locator(f"[data-setting={name}] input:not([type=range])")
-        field.fill(str(value))
-        field.press("Enter")
-        self.tab.wait_for_timeout(200)
-        self.settled()
+
+        def enter() -> None:
+            field.fill(str(value))
+            field.press("Enter")
+
+        self.edits(enter)
 
     def probe(self, x: float, y: float) -> tuple[int, int, float]:
         """Point at a place, 0 to 1 across and down: the pixel and its nits."""
         box = self.tab.query_selector("#overlay").bounding_box()
         self.tab.mouse.move(box["x"] + x * box["width"], box["y"] + y * box["height"])
         told = self.tab.query_selector("#probe")
-        at = [int(told.get_attribute(f"data-{name}")) for name in "xy"]
-        return at[0], at[1], float(told.get_attribute("data-nits"))
+
+        def at() -> list[int]:
+            return [int(told.get_attribute(f"data-{name}") or -99) for name in "xy"]
+
+        near = [2 + side / 200 for side in self.size]  # of a box that is smaller than the picture
+        self.until(
+            lambda: all(
+                abs(pixel - part * side) < allowed
+                for pixel, part, side, allowed in zip(at(), (x, y), self.size, near, strict=True)
+            ),
+            "the probe does not follow",
+        )
+        column, row = at()
+        return column, row, float(told.get_attribute("data-nits"))
 
     def go(self, number: int) -> None:
         self.tab.fill("#frame-number", str(number))
         self.tab.press("#frame-number", "Enter")
-        self.settled()
+        self.settled(frame=str(number))
         self.tab.evaluate("document.activeElement.blur()")
 
     def saved(self, kind: str, name: str) -> Path:
         self.tab.fill(f"#{kind}-name", name)
         self.tab.click(f"#save-{kind}")
-        self.until(lambda: f"{name}." in self.tab.inner_text("#status"), "it was not saved")
-        found = re.search(r"Saved: (.*)", self.tab.inner_text("#status"))
-        assert found, self.tab.inner_text("#status")
+        self.until(lambda: f"{name}." in self.tab.inner_text("#save-says"), "it was not saved")
+        found = re.search(r"Saved: (.*)", self.tab.inner_text("#save-says"))
+        assert found, self.tab.inner_text("#save-says")
         return Path(found[1])

@@ -51,25 +51,27 @@ def story(browser: Any, clip: Path, folder: Path) -> None:
         # See: scrub, split, drag the divider, exposure on both sides
         box = tab.query_selector("#timeline").bounding_box()
         tab.mouse.click(box["x"] + 0.6 * box["width"], box["y"] + 30)
+        page.until(lambda: int(page.stage()["frame"]) > 20, "the time line does not scrub")
         page.settled()
-        assert int(page.stage()["frame"]) > 20
         seen = [page.pixels()]
-        tab.keyboard.press("d")
-        page.settled()
+        page.press("d", compare="split")
         seen.append(page.pixels())
         handle = tab.query_selector("#divider").bounding_box()
         tab.mouse.move(handle["x"] + 1, handle["y"] + 20)
         tab.mouse.down()
         tab.mouse.move(handle["x"] - 200, handle["y"] + 20, steps=4)
         tab.mouse.up()
-        tab.wait_for_timeout(200)
+        page.until(
+            lambda: int(tab.get_attribute("#divider", "aria-valuenow")) < 45, "it is not dragged"
+        )
+        page.settled()
         seen.append(page.pixels())
-        for side in ("hdr", "sdr"):
+        for side, exposures in (("hdr", "0,-2"), ("sdr", "-2,-2")):
             tab.locator(f"#exposure-{side}").fill("-2")
-            tab.wait_for_timeout(200)
+            page.settled(exposures=exposures)
             seen.append(page.pixels())
-        tab.keyboard.press("0")
-        tab.keyboard.press("d")
+        page.press("0", exposures="0,0")
+        page.press("d", compare="hdr")
 
         # Try: a setting changed shows, and is what convert writes
         page.go(30)
@@ -82,19 +84,20 @@ def story(browser: Any, clip: Path, folder: Path) -> None:
         check_probe(page, next(out.glob("*.exr")))
 
         # Decide: a shot split, given its own peak, saved
-        shots = tab.evaluate("fetch('api/state').then((r) => r.json())")["document"]["shots"]
-        tab.click("#split-shot")
+        shots = page.get("state")["document"]["shots"]
+        page.edits(lambda: tab.click("#split-shot"))
         tab.click("#of-shot")
+        tab.wait_for_selector("#of-shot[aria-pressed=true]")
         page.set("peak_nits", 2500)
-        after = tab.evaluate("fetch('api/state').then((r) => r.json())")["document"]["shots"]
+        after = page.get("state")["document"]["shots"]
         assert len(after) == len(shots) + 1
         assert [s["first"] for s in after if s["own"]] == [30]
-        tab.keyboard.press("r")
+        page.opens("r", "files")
         preset, listed = page.saved("preset", "look"), page.saved("shots", "shots")
         told = tab.inner_text("#command")
         assert str(preset) in told
         assert str(listed) in told
-        tab.keyboard.press("Escape")
+        page.closes("files")
         out = folder / "two"
         command = ["convert", str(clip), str(out), "--quiet", "--preset", str(preset)]
         assert main([*command, "--analysis", str(listed), "--frames", "29-30"]) == 0
@@ -103,18 +106,17 @@ def story(browser: Any, clip: Path, folder: Path) -> None:
         check_probe(page, next(out.glob("*.0029.exr")))
 
         # Render, and reload while it runs
-        tab.keyboard.press("r")
+        page.opens("r", "files")
         tab.fill("#render-name", "three")
         tab.click("#render-convert")
-        page.until(lambda: "of" in tab.inner_text("#render-says"), "no progress")
+        page.until(lambda: tab.inner_text("#render-says") != "", "no progress")
         tab.reload()
         page.ready()
-        tab.keyboard.press("r")
+        page.opens("r", "files")
         page.until(lambda: "Done" in tab.inner_text("#render-says"), "it did not end")
-        tab.keyboard.press("Escape")
-        state = tab.evaluate("fetch('api/state').then((r) => r.json())")
-        assert state["document"]["shots"] == after, "a reload lost what was decided"
-        frames = tab.evaluate("fetch('api/about').then((r) => r.json())")["frames"]
+        page.closes("files")
+        assert page.get("state")["document"]["shots"] == after, "a reload lost what was decided"
+        frames = page.get("about")["frames"]
         assert len(list((folder / "three").glob("*.exr"))) == frames
         page.go(30)
         check_probe(page, next((folder / "three").glob("*.0030.exr")))
@@ -132,33 +134,24 @@ def test_on_a_real_clip(browser: Any, tmp_path: Path) -> None:
 
 def test_all_views_and_keys(browser: Any, address: str) -> None:
     page = Page(browser, address)
-    tab = page.tab
     page.go(12)
     seen = {}
-    for key in ("1", "2", "3", "4", "5"):
-        tab.keyboard.press(key)
-        tab.wait_for_timeout(400)
+    views = ("picture", "false", "difference", "map", "gain")
+    for key, view in zip("12345", views, strict=True):
+        page.press(key, view=view)
         seen[key] = page.pixels()
-    tab.keyboard.press("1")
-    for key in ("t", "c"):
-        tab.keyboard.press(key)
-        tab.wait_for_timeout(400)
+    page.press("1", view="picture")
+    for key, drawn in (("t", {"tone": "clip"}), ("c", {"mask": "true"})):
+        page.press(key, **drawn)
         seen[key] = page.pixels()
     assert len(set(seen.values())) == len(seen), "a view shows what another shows"
-    tab.keyboard.press("ArrowRight")
-    page.settled()
-    assert page.stage()["frame"] == "13"
-    tab.keyboard.press("End")
-    page.settled()
-    assert page.stage()["frame"] == "48"
-    tab.keyboard.press("ArrowUp")
-    page.settled()
-    assert page.stage()["frame"] not in ("48", "13"), "no way to the shot's beginning"
+    page.press("ArrowRight", frame="13")
+    page.press("End", frame="48")
+    starts = [shot["first"] for shot in page.get("state")["document"]["shots"]]
+    page.press("ArrowUp", frame=str(starts[-1]))
     for key, dialog in (("v", "variants"), ("r", "files"), ("?", "help")):
-        tab.keyboard.press(key)
-        assert tab.is_visible(f"#{dialog}"), key
-        tab.keyboard.press("Escape")
-        assert not tab.is_visible(f"#{dialog}"), key
+        page.opens(key, dialog)
+        page.closes(dialog)
     assert page.told == []
 
 
@@ -166,28 +159,24 @@ def test_a_and_b_undo_and_variants(browser: Any, address: str) -> None:
     page = Page(browser, address)
     tab = page.tab
     page.go(12)
-    tab.keyboard.press("t")  # a tone map is one for all that is compared
-    tab.wait_for_timeout(300)
+    page.press("t", tone="clip")  # a tone map is one for all that is compared
     before = page.pixels()
-    tab.keyboard.press("Shift+B")
-    page.settled()
+    page.edits(lambda: tab.keyboard.press("Shift+B"))
     page.set("peak_nits", 4000)
-    page.set("strength", 1)
+    page.set("strength", 0.6)
     changed = page.pixels()
     assert changed != before
-    tab.keyboard.press("b")
-    page.until(lambda: page.pixels() == before, "B is not what was kept")
-    tab.keyboard.press("b")
+    page.press("b", compare="b")
+    assert page.pixels() == before, "B is not what was kept"
+    page.press("b", compare="hdr")
     for _ in range(2):
-        tab.keyboard.press("Control+z")
-        page.settled()
+        page.edits(lambda: tab.keyboard.press("Control+z"))
     assert page.pixels() == before, "undo does not lead back"
-    tab.keyboard.press("Control+y")
-    tab.keyboard.press("Control+y")
-    page.settled()
+    for _ in range(2):
+        page.edits(lambda: tab.keyboard.press("Control+y"))
     assert page.pixels() == changed
-    tab.keyboard.press("v")
-    presets = tab.evaluate("fetch('api/about').then((r) => r.json())")["presets"]
+    page.opens("v", "variants")
+    presets = page.get("about")["presets"]
     sheet = tab.locator("#sheet button")
     page.until(lambda: sheet.count() == len(presets), "not all presets were tried")
     tab.click("#sheet button:has(b:text-is('paper'))")
@@ -209,7 +198,7 @@ def test_it_plays_a_loop(browser: Any, address: str) -> None:
 
     page.until(moves, "it does not play")
     tab.keyboard.press(" ")
-    tab.wait_for_timeout(200)
+    tab.wait_for_selector("#play[aria-pressed=false]")
     page.settled()
     assert page.told == []
 

@@ -107,11 +107,14 @@ function tell() {
 }
 
 async function show() {
-  const mine = ++turn, loaded = await load(Number(frameInput.value));
+  const mine = ++turn;
+  canvas.setAttribute("aria-busy", "true");
+  const loaded = await load(Number(frameInput.value));
   if (mine !== turn) return;  // a later frame was asked for meanwhile
   now = loaded;
   paint();
   canvas.dataset.frame = now.number;
+  canvas.setAttribute("aria-busy", "false");
 }
 
 // Plays the frames that are here, each as long as the clip takes to the next of them.

@@ -7,7 +7,8 @@ import { drawScope } from "viewer/scopes.js";
 import { Screen } from "viewer/screen.js";
 import { get, Stale } from "./api.js";
 import { has, load, quickScale } from "./pictures.js";
-import { change, failed, number, on, peak, S } from "./store.js";
+import { busy, change, failed, number, on, peak, S } from "./store.js";
+import { compared } from "./views.js";
 
 const byId = (id) => document.getElementById(id);
 const LAYERS = { map: "expand_map", gain: "gain" };
@@ -41,12 +42,13 @@ async function gathered(wanted, lane = null) {
 export async function show() {
   const mine = ++turn, index = S.index, quick = quickScale();
   const began = performance.now();
+  busy("frame", true);
   try {
     const isThere = Object.values(needs(index, 1)).every(has);
     for (const scale of quick > 1 && !isThere ? [quick, 1] : [1]) {
       const { version } = S.state, found = await gathered(needs(index, scale));
       if (mine !== turn) return;
-      shown = { ...found, index, scale, version };
+      shown = { ...found, index, scale, version, turn: mine };
       paint();
       byId("stage").dataset.ms = Math.round(performance.now() - began);
       if (S.playing) return;
@@ -54,7 +56,7 @@ export async function show() {
   } catch (error) {
     // What was overtaken by a request of the same turn (another view) is asked for again.
     if (error instanceof Stale) { if (mine === turn) setTimeout(() => mine === turn && show(), 30); }
-    else failed(error);
+    else { busy("frame", false); failed(error); }
   }
 }
 
@@ -69,7 +71,7 @@ export function showHeld(index) {
     if (!found[role]) return false;
   }
   turn++;
-  shown = { ...found, index, scale: quickScale(), version: S.state.version };
+  shown = { ...found, index, scale: quickScale(), version: S.state.version, turn };
   paint();
   return true;
 }
@@ -91,20 +93,24 @@ function sides() {
 
 // Draws soon, once however often it is asked for.
 export function paint() {
+  busy("drawing", true);
   cancelAnimationFrame(drawing);
   drawing = requestAnimationFrame(() => {
+    busy("drawing", false);
     if (!shown) return;
     const began = performance.now();
     const white = S.state.document.settings.white_nits;
     draw(byId("picture"), sides(), { white, peak: peak() });
     const stage = byId("stage");
     Object.assign(stage.dataset, { frame: number(shown.index), scale: shown.scale,
-      version: shown.version, draw: Math.round(performance.now() - began) });
+      version: shown.version, draw: Math.round(performance.now() - began), view: S.view,
+      compare: compared(), tone: S.toneMap, mask: S.mask, exposures: [S.exposure.sdr, S.exposure.hdr] });
     screen.shows = { divider: S.split !== "off", lights: S.lights };
     screen.mark();
     labels(white);
     tell();
     if (!S.playing) scope(white);
+    if (shown.turn === turn && (shown.scale === 1 || S.playing)) busy("frame", false);
   });
 }
 

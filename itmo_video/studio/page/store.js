@@ -57,13 +57,24 @@ export async function refresh() {
   take(await get("api/state"));
 }
 
+// What is under way for the picture: edits that are not answered, a frame that is not drawn. The
+// stage is busy until nothing is.
+const underWay = new Set();
+export function busy(what, isBusy) {
+  underWay[isBusy ? "add" : "delete"](what);
+  document.getElementById("stage").setAttribute("aria-busy", String(underWay.size > 0));
+}
+
 export async function edit(body) {
+  busy(body, true);
   try {
     take(await post("api/edit", body));
     told("");
   } catch (error) {
     failed(error);
     emit("state");
+  } finally {
+    busy(body, false);
   }
 }
 
