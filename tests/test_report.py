@@ -61,7 +61,7 @@ def test_page_is_whole_and_asks_for_nothing(folder: Path) -> None:
     assert len(text.encode()) < 15e6
     for word in ("http:", "https:", "//cdn", "url(", "@import", "<link", "src="):
         assert word not in text, f"{word} could leave the page"
-    for section in ("Viewer", "Light levels", "Over time", "Histogram", "Settings and what was"):
+    for section in ("Viewer", "Light levels", "Over time", "Histogram", "Settings and assumptions"):
         assert section in text, f"{section} is missing"
     assert "Expand Map coverage" in text
     assert "Gain flicker" in text

@@ -1,4 +1,4 @@
-"""Pictures in a page: HDR as a lossless picture of logarithms, so that read-outs are the EXR's."""
+"""Pictures embedded in a page: HDR as lossless logarithmic codes, for exact read-outs."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from itmo_video.delivery import sdr
 from itmo_video.delivery.pictures import Picture
 from itmo_video.model import Float32
 
-CODES = 2047  # 11 bits: 0.8 % a step over 24 stops, so at most 0.4 % of error
+CODES = 2047  # 11 bits: steps of 0.8 % over 24 stops, so an error of at most 0.4 %
 LOWEST_STOP = -12
 
 
@@ -22,7 +22,8 @@ LOWEST_STOP = -12
 class Embedded:
     """One frame for the viewer: `size` (width, height), and data URIs.
 
-    `hdr` is twice as high as the frame: the upper 8 bits of 11-bit codes above, the lower 3 below.
+    `hdr` is twice as high as the frame: the upper 8 bits of the 11-bit codes are in the top half,
+    the lower 3 in the bottom half.
     """
 
     number: int
@@ -34,12 +35,12 @@ class Embedded:
 
     @property
     def length(self) -> int:
-        """Characters in the page."""
+        """The number of characters it adds to the page."""
         return sum(len(uri) for uri in (self.hdr, self.source, self.map) if uri)
 
 
 def highest_stop(peak: float) -> int:
-    """Where the codes end for a film that peaks at `peak`, SDR white = 1."""
+    """The range of the codes for a film that peaks at `peak`, SDR white = 1."""
     return max(4, int(np.ceil(np.log2(max(peak, 1.0) * 1.01))))
 
 
@@ -51,7 +52,7 @@ def codes_of(linear: sdr.Picture, top: int) -> npt.NDArray[np.uint16]:
 
 
 def light_of(codes: npt.NDArray[np.uint16], top: int) -> Float32:
-    """The light that the viewer reads codes as: the inverse of `codes_of`."""
+    """The light that the viewer decodes from codes: the inverse of `codes_of`."""
     stops = (codes.astype(np.float32) - 1) / (CODES - 1) * (top - LOWEST_STOP) + LOWEST_STOP
     return np.where(codes == 0, np.float32(0), np.exp2(stops)).astype(np.float32)
 
@@ -71,7 +72,7 @@ def embed(picture: Picture, primaries: str, peak: float, width: int) -> Embedded
         grey = np.asarray(np.round(np.clip(small, 0, 1) * 255), np.uint8)
         map_ = _uri("image/png", ".png", grey, [])
     height, across = linear.shape[:2]
-    # Lossless WebP (quality above 100) is a third smaller than PNG, and every browser reads it.
+    # Lossless WebP (quality above 100) is a third smaller than PNG, and all browsers support it.
     lossless = _uri("image/webp", ".webp", both[..., ::-1], [cv2.IMWRITE_WEBP_QUALITY, 101])
     return Embedded(picture.number, picture.index, (across, height), lossless, source, map_)
 

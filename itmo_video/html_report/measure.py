@@ -1,4 +1,4 @@
-"""What a report shows of each frame, and of all frames: light, map, flicker, cuts."""
+"""Measurements for a report, per frame and for the whole film: light, map, flicker, cuts."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ BINS_A_STOP = 2
 LOWEST_STOP = -14
 HIGHEST_STOP = 16
 PERCENTILES = (1, 50, 90, 99)
-_SMALL_WIDTH = 160  # of maps and gains as flicker is measured
+_SMALL_WIDTH = 160  # of the maps and gains that flicker is measured on
 
 
 @dataclass(frozen=True)
 class FrameFacts:
-    """One frame measured: luminance in nits, `coverage` the map's mean, 0 to 1, None if unknown."""
+    """Measurements of a frame: luminance in nits; `coverage` is the map's mean, None if unknown."""
 
     index: int
     number: int
@@ -47,10 +47,10 @@ class FrameFacts:
 
 @dataclass(frozen=True, eq=False)
 class Measured:
-    """A frame's facts, and small pictures of it that are looked at beside its neighbours'.
+    """A frame's measurements, and small pictures of it to compare with its neighbours.
 
-    `histogram` counts pixels by half stops of luminance about SDR white from LOWEST_STOP up;
-    `rendering` is how the source was rendered to SDR, None without it.
+    `histogram` counts pixels per half stop of luminance relative to SDR white, from LOWEST_STOP up;
+    `rendering` is the estimated rendering to SDR, None without a source.
     """
 
     facts: FrameFacts
@@ -63,13 +63,13 @@ class Measured:
 
     @property
     def index(self) -> int:
-        """Index in presentation order."""
+        """The index in presentation order."""
         return self.facts.index
 
 
 @dataclass(frozen=True)
 class ShotFacts:
-    """A shot from cut to cut, by frame numbers, and how its source was rendered to SDR."""
+    """A shot from cut to cut, by frame number, and its estimated rendering to SDR."""
 
     first: int
     last: int
@@ -78,11 +78,11 @@ class ShotFacts:
 
 @dataclass(frozen=True)
 class FilmFacts:
-    """All frames measured: `cuts` and `keys` are indices; flickers by frame, None if unknown.
+    """Measurements of all frames: `cuts` and `keys` are indices; flicker per frame or None.
 
-    Flicker is the mean absolute change from the frame before along the motion between them, 0 for
+    Flicker is the mean absolute change from the previous frame along the motion between them, 0 for
     the first frame of a shot. `histogram` is the share of all pixels in each half stop from
-    LOWEST_STOP up; it sums to 1. `shots` are known where the source is.
+    LOWEST_STOP up; it sums to 1. `shots` need the source.
     """
 
     frames: list[FrameFacts]
@@ -137,15 +137,15 @@ def measure(
 
 
 def film_facts(frames: Iterable[Measured], key_interval: int) -> FilmFacts:
-    """Put frames in presentation order together; finds cuts and keys as the conversion does.
+    """Combine frames in presentation order; finds cuts and keyframes as the conversion does.
 
-    Holds the small pictures of a few neighbours only, however long the film. Raises
-    DamagedInputError where there is no frame.
+    Keeps the small pictures of a few neighbours only, however long the film is. Raises
+    DamagedInputError if there are no frames.
     """
     source = iter(frames)
     first = next(source, None)
     if first is None:
-        raise DamagedInputError("no frame of it can be read")
+        raise DamagedInputError("no frame can be read")
     start, total = first.index, np.zeros_like(first.histogram)
     facts: list[FrameFacts] = []
     cuts: list[int] = []
@@ -155,7 +155,7 @@ def film_facts(frames: Iterable[Measured], key_interval: int) -> FilmFacts:
     shots: list[tuple[int, int, list[Rendering]]] = []
     before: Measured | None = None
     waiting = chain((first,), source)
-    del first  # else it would be held to the end
+    del first  # otherwise it would be kept to the end
     for placed in place(waiting, key_interval, start):
         now = placed.analysed
         starts_shot = before is None or placed.starts_shot
@@ -189,7 +189,7 @@ def _if_all_known(values: list[float | None]) -> list[float] | None:
 def _changes(
     before: Measured, now: Measured, starts_shot: bool
 ) -> tuple[float | None, float | None]:
-    """Mean absolute changes of map and gain along motion; None where there is no map or gain."""
+    """Mean absolute changes of map and gain along the motion; None without a map or a gain."""
     if starts_shot:
         return None if now.map_small is None else 0.0, None if now.gain_small is None else 0.0
     pairs = ((before.map_small, now.map_small), (before.gain_small, now.gain_small))
@@ -211,7 +211,7 @@ def _small(plane: Float32) -> Float32:
 
 
 def _gain(picture: Picture, luminance: Float32) -> Float32 | None:
-    """Stops that the frame was raised by, small: from its layer, or by dividing by the source."""
+    """The frame's gain in stops, small: from its layer, or from the ratio to the source."""
     layer = picture.layers.get("gain.Y")
     if layer is not None:
         return np.log2(np.maximum(_small(np.asarray(layer, np.float32)), np.float32(1e-3)))
@@ -224,7 +224,7 @@ def _gain(picture: Picture, luminance: Float32) -> Float32 | None:
 
 
 def _grey(luminance: Float32) -> Code:
-    """The result in SDR's range as 8-bit codes, small: what motion is found from."""
+    """The result within the range of SDR as small 8-bit codes, for finding motion."""
     code = np.clip(_small(luminance), 0, 1) ** np.float32(1 / 2.4)
     return np.asarray(np.rint(255 * code), np.uint8)
 
@@ -232,6 +232,6 @@ def _grey(luminance: Float32) -> Code:
 def _tiny(picture: Picture, luminance: Float32, map_width: int) -> Float32:
     if picture.source is not None:
         return analyse_frame(picture.source, map_width).tiny
-    # Without the source the result's own lower tones, which the operators leave nearly alone.
+    # Without the source: the result's lower tones, which the operators hardly change.
     code = np.clip(luminance, 0, 1) ** np.float32(1 / 2.4)
     return np.asarray(cv2.resize(code, TINY_SIZE, interpolation=cv2.INTER_AREA))

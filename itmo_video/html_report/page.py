@@ -1,4 +1,4 @@
-"""The edge of the report: a converted folder to one HTML file that needs nothing else."""
+"""Writing the report: from a converted folder to one self-contained HTML file."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from itmo_video.source.opening import input_files
 from itmo_video.words import to_install
 
 MAX_FRAMES = 240
-MAX_PICTURE_CHARACTERS = 13_500_000  # the page with its plots stays below 15 MB
+MAX_PICTURE_CHARACTERS = 13_500_000  # keeps the page, with its plots, below 15 MB
 REPORT_NAME = "report.html"
 
 
@@ -36,9 +36,9 @@ def report(
 ) -> Path:
     """Write the page about a converted folder and return its path (FOLDER/report.html).
 
-    With the source clip it also compares with what was before. Raises InputError where there is no
-    conversion, UsageError where the extra "report" is missing, and OutputError where the output may
-    not be written over: a report at FOLDER/report.html may, all else only with `overwrite`.
+    With the source clip it also shows before and after. Raises InputError if there is no
+    conversion, UsageError if the extra "report" is not installed, and OutputError if the output
+    exists: an old report at FOLDER/report.html is replaced, anything else only with `overwrite`.
 
     >>> from pathlib import Path
     >>> from itmo_video import ReportOptions, convert, report
@@ -66,7 +66,7 @@ def report(
 
 
 def report_gate(folder: Path, options: ReportOptions, manifest: Manifest | None) -> Gate:
-    """What stands in front of a report's file."""
+    """The start of a report's file name."""
     return Gate(
         options.output if options.output is not None else folder / REPORT_NAME,
         PAGE,
@@ -107,7 +107,7 @@ def _measured(
 
 
 def thinned(shown: Sequence[embed.Embedded], most: int) -> list[embed.Embedded]:
-    """Evenly fewer frames, so that they take `most` characters; at least one stays."""
+    """Thin out frames evenly so that they take at most `most` characters; keeps at least one."""
     count = len(shown)
     while True:
         kept = [shown[round(i)] for i in np.linspace(0, len(shown) - 1, count)]
@@ -123,7 +123,7 @@ def render_page(
     embedded: Sequence[embed.Embedded],
     source_facts: Sequence[tuple[str, str]],
 ) -> str:
-    """The page as text; every name and value is escaped by the template engine."""
+    """The page as text; the template engine escapes every name and value."""
     manifest = converted.manifest
     white, frames = pictures.white_nits, facts.frames
     viewer = viewer_data(embedded, [frame.number for frame in frames], pictures)
@@ -158,29 +158,29 @@ def _plots(facts: FilmFacts) -> list[plots.Drawn]:
         out.append(plots.Plot("Expand Map coverage", "% of the frame, by weight",
                               [plots.Line("coverage", coverage)], numbers, cuts, keys))  # fmt: skip
     if facts.map_flicker is not None:
-        line = plots.Line("map, change along the motion", facts.map_flicker)
+        line = plots.Line("map, change along motion", facts.map_flicker)
         out.append(plots.Plot("Map flicker", "0 to 1", [line], numbers, cuts, keys))
     if facts.gain_flicker is not None:
-        line = plots.Line("gain, change along the motion", facts.gain_flicker)
+        line = plots.Line("gain, change along motion", facts.gain_flicker)
         out.append(plots.Plot("Gain flicker", "stops", [line], numbers, cuts, keys))
     return [plots.draw(plot) for plot in out]
 
 
 def _raw(name: str) -> Any:
-    """Our own style or script."""
+    """The text of our style sheet or script."""
     template = resources.files("itmo_video.html_report").joinpath("template", name)
     return _markup(template.read_text("utf-8"))
 
 
 def _markup(text: str) -> Any:
-    """Text of our own, which is not escaped."""
+    """Our own text, which needs no escaping."""
     from markupsafe import Markup
 
     return Markup(text)
 
 
 def require_templates() -> None:
-    """Raise UsageError where the extra "report" is missing: to be known before the work."""
+    """Raise UsageError, before any work is done, if the extra "report" is not installed."""
     _templates()
 
 

@@ -1,4 +1,4 @@
-"""What the report says beside its pictures: headline, levels, warnings, facts and settings."""
+"""The report's texts: headline, levels, warnings, facts and settings."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from itmo_video.output.converted import Converted
 from itmo_video.source.facts import clip_facts
 from itmo_video.words import counted
 
-MOST_SHOTS = 40  # whose rendering is told
+MOST_SHOTS = 40  # whose rendering is listed
 
 
 def headline(pictures: Pictures) -> str:
@@ -24,13 +24,13 @@ def headline(pictures: Pictures) -> str:
     frames = counted(len(pictures.numbers), "frame")
     return (
         f"{frames} ({format_ranges(pictures.numbers)}), {width}x{height}, "
-        f"{float(pictures.frame_rate):g} frames a second, white {pictures.white_nits:g} nits, "
+        f"{float(pictures.frame_rate):g} fps, white {pictures.white_nits:g} nits, "
         f"peak {pictures.peak_nits:g} nits"
     )
 
 
 def levels(facts: FilmFacts) -> list[tuple[str, str]]:
-    """Rows of light levels and counts."""
+    """The rows of light levels and counts."""
     frames = facts.frames
     mean = float(np.mean([frame.mean for frame in frames]))
     return [
@@ -44,34 +44,34 @@ def levels(facts: FilmFacts) -> list[tuple[str, str]]:
 
 
 def warnings(facts: FilmFacts, pictures: Pictures, converted: Converted) -> list[str]:
-    """What deserves a second look."""
+    """Warnings about what deserves a second look."""
     frames, out = facts.frames, list(pictures.damage)
     if converted.absent:
         out.append(f"Frames {converted.absent} are not in the folder.")
     if broken := [f.number for f in frames if f.not_finite]:
-        out.append(f"Frames {format_ranges(broken)} hold values that are not finite.")
+        out.append(f"Frames {format_ranges(broken)} contain infinite or NaN values.")
     if clipped := [f.number for f in frames if f.at_peak > 0.02]:
         out.append(
-            f"More than 2 % of the picture is at the peak in frames {format_ranges(clipped)}: "
-            "large areas clip there."
+            f"In frames {format_ranges(clipped)} more than 2 % of the picture is at the peak: "
+            "large areas are clipped."
         )
     if facts.light.average > 400:
         out.append(
-            f"MaxFALL is {facts.light.average:.0f} nits: televisions dim pictures above about 400."
+            f"MaxFALL is {facts.light.average:.0f} nits: TVs dim pictures above about 400 nits."
         )
     if pictures.clip is None:
         source = converted.manifest.source_name
         out.append(
-            f"The source was not given (report --source {source}), so there is no before and "
-            "after, and cuts are those seen in the result."
+            f"The source was not given (report --source {source}), so there is no before/after "
+            "comparison, and cuts are detected in the result."
         )
     if "expand_map" not in converted.settings.layers:
-        out.append("The Expand Map was not stored (convert --layers expand_map).")
+        out.append("The Expand Map is not stored; to see it, convert with --layers expand_map.")
     return out
 
 
 def source_facts(clip: str | Path | None, converted: Converted) -> list[tuple[str, str]]:
-    """Rows of the source's metadata."""
+    """The rows of the source's metadata."""
     if clip is None:
         return [("source", "not given to this report")]
     with converted.open_source(Path(clip)) as opened:
@@ -84,7 +84,7 @@ def source_facts(clip: str | Path | None, converted: Converted) -> list[tuple[st
 
 
 def renderings(facts: FilmFacts, converted: Converted) -> list[tuple[str, str]]:
-    """How the shots were rendered to SDR and what was done, of those the operator asks it for."""
+    """The shots' estimated rendering to SDR and its handling, for operators that use it."""
     rows = []
     for shot in facts.shots:
         settings = converted.settings_of(shot.first)
@@ -97,7 +97,7 @@ def renderings(facts: FilmFacts, converted: Converted) -> list[tuple[str, str]]:
 
 
 def settings_rows(converted: Converted) -> list[tuple[str, str]]:
-    """Rows of the settings, and of what single shots have instead."""
+    """The rows of the settings, and of settings of single shots."""
     rows = [
         (name.replace("_", "-"), _told(value))
         for name, value in converted.manifest.settings.items()

@@ -1,4 +1,4 @@
-"""Plots as SVG text, distinguished by dash as well as by colour (Okabe and Ito 2008)."""
+"""Plots as SVG text; curves differ by dash pattern as well as by colour (Okabe and Ito 2008)."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ STYLES = (
 
 @dataclass(frozen=True)
 class Line:
-    """One curve: a label and its values by frame."""
+    """One curve: a label and its values per frame."""
 
     label: str
     values: Sequence[float]
@@ -24,7 +24,7 @@ class Line:
 
 @dataclass(frozen=True)
 class Plot:
-    """Curves over frames: `numbers` are along the axis, `cuts` and `keys` positions among them."""
+    """Curves over frames: `numbers` label the axis, `cuts` and `keys` are positions in them."""
 
     title: str
     unit: str
@@ -38,7 +38,7 @@ class Plot:
 
 @dataclass(frozen=True)
 class Drawn:
-    """A plot as the template draws it: coordinates in a box of WIDTH by HEIGHT."""
+    """A plot in the form that the template draws: coordinates in a box of WIDTH by HEIGHT."""
 
     title: str
     summary: str
@@ -50,7 +50,7 @@ class Drawn:
 
 
 def draw(plot: Plot) -> Drawn:
-    """Coordinates and ticks of a plot."""
+    """The coordinates and ticks of a plot."""
     values = [v for line in plot.lines for v in line.values if math.isfinite(v)]
     largest = max(plot.top or 0.0, max(values, default=0.0))
     if plot.is_log:
@@ -89,7 +89,7 @@ def draw(plot: Plot) -> Drawn:
 
 
 def even_ticks(largest: float) -> list[float]:
-    """Ticks from 0 to `largest` (above 0) or just above, in up to 4 steps of 1, 2, 2.5 or 5."""
+    """Ticks from 0 to `largest` (> 0) or just above, in up to 4 steps of 1, 2, 2.5 or 5."""
     least = largest / 4
     power = 10.0 ** math.floor(math.log10(least))
     step = next(m * power for m in (1, 2, 2.5, 5, 10) if m * power >= least * (1 - 1e-9))
@@ -97,12 +97,12 @@ def even_ticks(largest: float) -> list[float]:
 
 
 def x_of(position: int, count: int) -> float:
-    """Where a frame lies across a plot."""
+    """The horizontal position of a frame in a plot."""
     return round(LEFT + position / max(1, count - 1) * (WIDTH - LEFT - RIGHT), 1)
 
 
 def bars(shares: Sequence[float], lowest: int, bins_a_unit: int) -> list[dict[str, object]]:
-    """A histogram's bars: x, y, width, height, and what each says."""
+    """A histogram's bars: x, y, width, height, and a tooltip."""
     filled = [i for i, share in enumerate(shares) if share > 0]
     if not filled:
         return []

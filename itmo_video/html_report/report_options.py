@@ -1,4 +1,4 @@
-"""Where a report goes and what it compares with: the options of `report`."""
+"""The options of `report`: its output and the source to compare with."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from itmo_video.options import check_options, option
 
 @dataclass(frozen=True)
 class ReportOptions:
-    """Where a report goes, and the source it compares with.
+    """Where a report is written, and the source to compare with.
 
-    Validated when made; raises UsageError.
+    Validated on creation; raises UsageError.
 
     >>> from pathlib import Path
     >>> from itmo_video import ReportOptions
@@ -21,7 +21,7 @@ class ReportOptions:
     """
 
     output: Path | None = option(
-        None, Path, "file to write (OUTPUT_DIR/report.html)", metavar="FILE.html"
+        None, Path, "file to write (default: OUTPUT_DIR/report.html)", metavar="FILE.html"
     )
     clip: Path | None = option(
         None, Path, "the source clip, for before and after", flag="source", metavar="CLIP"

@@ -1,4 +1,4 @@
-"""What the page's viewer works from: frames, scales and colours, and its modules by name."""
+"""The data for the page's viewer: frames, scales and colours, and its modules by name."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ MAX_WIDTH = 640
 def viewer_data(
     embedded: Sequence[embed.Embedded], numbers: Sequence[int], pictures: Pictures
 ) -> dict[str, Any]:
-    """What the viewer is given, as JSON values; `numbers` are those of all frames of the film."""
+    """The viewer's data as JSON values; `numbers` are those of all frames of the film."""
     peak = pictures.peak_nits / pictures.white_nits
     positions = {number: i for i, number in enumerate(numbers)}
     last = max(1, len(numbers) - 1)
@@ -40,7 +40,7 @@ def viewer_data(
 
 
 def import_map() -> str:
-    """The viewer's modules by name, inside the page: files beside it would not be found."""
+    """The viewer's modules by name, embedded so that the page needs no other files."""
     imports = {
         name: f"data:text/javascript;base64,{base64.b64encode(text.encode()).decode()}"
         for name, text in viewer.modules().items()
@@ -49,7 +49,7 @@ def import_map() -> str:
 
 
 def _step_s(embedded: Sequence[embed.Embedded], pictures: Pictures) -> float:
-    """Seconds from one frame in the page to the next, on average."""
+    """The average time from one frame in the page to the next, in seconds."""
     if len(embedded) < 2:
         return 1.0
     frames = (embedded[-1].index - embedded[0].index) / (len(embedded) - 1)

@@ -1,1 +1,1 @@
-"""The studio: a local page where a look is found by looking, before a long film is rendered."""
+"""The studio: a local web page for finding a look by eye before a long film is rendered."""

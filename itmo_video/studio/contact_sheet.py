@@ -1,4 +1,4 @@
-"""A contact sheet of variants of one frame, as a picture or as a page that needs nothing else."""
+"""A contact sheet of variants of one frame, as a picture or as a self-contained HTML page."""
 
 from __future__ import annotations
 
@@ -43,15 +43,15 @@ def contact_sheet(
     options: VariantsOptions,
     run: RunOptions,
 ) -> int:
-    """Write the sheet to `output` (.png, .jpg or .html); returns how many variants are on it.
+    """Write the sheet to `output` (.png, .jpg or .html); returns the number of variants on it.
 
-    Pictures are tone-mapped by BT.2390 for one peak, the highest of all, so that they compare.
-    Raises what opening the clip raises, UsageError for a frame or a variant that is none, and
-    OutputError where `output` may not be written.
+    All pictures are tone-mapped (BT.2390) for one peak, the highest of all, to be comparable.
+    Raises what opening the clip raises, UsageError for an unknown frame or variant, and
+    OutputError if `output` cannot be written.
     """
     suffix = output.suffix.lower()
     if suffix not in (".png", ".jpg", ".jpeg", ".html"):
-        raise UsageError("a contact sheet is .png, .jpg or .html", where=str(output))
+        raise UsageError("a contact sheet must be .png, .jpg or .html", where=str(output))
     kind = PAGE if suffix == ".html" else STILL
     gate = Gate(output, kind, inputs=input_files(source), overwrite=options.overwrite)
     gate.check()
@@ -64,7 +64,7 @@ def contact_sheet(
         if not first <= number < first + info.frames:
             raise UsageError(
                 f"there is no frame {number}", where=info.path,
-                remedy=f"It has {first}-{first + info.frames - 1}.",
+                remedy=f"The clip has frames {first}-{first + info.frames - 1}.",
             )  # fmt: skip
         peak = max(one.l_max_effective for one in settings)
         pictures = [_picture(session, number - first, one, peak) for one in settings]
@@ -91,7 +91,7 @@ def _settings(variant: Variant, preset: str, changed: dict[str, Any]) -> Setting
 
 
 def _picture(session: Session, index: int, settings: Settings, peak: float) -> Any:
-    """BGR, uint8, at most WIDTH_PX wide."""
+    """The picture as BGR, uint8, at most WIDTH_PX wide."""
     shown = session.picture(index, make_look(dataclasses.replace(settings, layers=())))
     linear = sdr.to_709(tuple(shown.planes), shown.primaries)
     width, height = shown.size

@@ -1,4 +1,4 @@
-"""The settings as controls for the page, made from their own definitions."""
+"""The settings as controls for the page, generated from their definitions."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from itmo_video.presets import load_preset, preset_names, read_preset
 from itmo_video.settings import LOOK, Settings
 from itmo_video.studio import variants
 
-# Where a setting stands on the page; one that is not named here stands under "More".
+# The group of each setting on the page; a setting not named here appears under "More".
 GROUPS: dict[str, tuple[str, ...]] = {
     "Look": ("operator", "peak_nits", "l_max", "white_nits", "strength", "l_white", "alpha",
              "operator_params", "footage", "hue", "lamps"),
@@ -21,12 +21,12 @@ GROUPS: dict[str, tuple[str, ...]] = {
     "Source": ("transfer", "matrix", "range", "over_white", "projection", "force_sdr"),
     "File": ("primaries", "compression", "layers", "owner", "comments", "timecode"),
 }  # fmt: skip
-# They change which frames there are, which an open clip's time line does not follow.
+# These change the set of frames, which the timeline of an open clip cannot follow.
 LEFT_OUT = ("fps", "deinterlace", "stream", "raw")
 
 
 def controls() -> list[dict[str, Any]]:
-    """One entry a setting: name, flag, help, kind, bounds, choices, default, group."""
+    """One entry per setting: name, flag, help, kind, bounds, choices, default, group."""
     places = {name: group for group, names in GROUPS.items() for name in names}
     order = [name for names in GROUPS.values() for name in names]
     found = []
@@ -60,7 +60,7 @@ def controls() -> list[dict[str, Any]]:
 
 
 def presets() -> list[dict[str, Any]]:
-    """The presets by name with what they say of themselves and what they set."""
+    """The presets by name, with their descriptions and settings."""
     return [
         {
             "name": name,
@@ -72,7 +72,7 @@ def presets() -> list[dict[str, Any]]:
 
 
 def operators() -> list[dict[str, Any]]:
-    """The operators by name with their own parameters."""
+    """The operators by name, with their parameters."""
     return [
         {
             "name": operator.name,

@@ -1,4 +1,4 @@
-"""The studio behind its page: the clip, what is decided, what is shown, saved and rendered."""
+"""The studio behind its page: the clip, the document, pictures, saved files and renders."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ RENDERS = {"convert": "", "preview": ".mp4"}
 
 
 class Desk:
-    """One clip on the desk; its methods may be called from any thread. Close it, or use `with`."""
+    """One open clip; its methods may be called from any thread. Close it, or use `with`."""
 
     def __init__(
         self,
@@ -39,7 +39,7 @@ class Desk:
         folder: Path,
         run: RunOptions | None = None,
     ) -> None:
-        """Open the clip and begin to look for its cuts unless `document` has its analysis."""
+        """Open the clip and start finding its cuts unless `document` already has its analysis."""
         run = run or RunOptions()
         self._max_pixels = run.max_pixels
         self._session = Session(source, input_options(document.settings, run.max_pixels))
@@ -56,7 +56,7 @@ class Desk:
         self._lock = threading.RLock()
         self._closing = False
         self._scratch = tempfile.TemporaryDirectory(prefix="itmo-studio-")
-        document.own_looks(self.info)  # raises where the analysis is another clip's
+        document.own_looks(self.info)  # raises if the analysis belongs to another clip
         self._analyst = threading.Thread(target=self._analyse, name="studio-cuts", daemon=True)
         if document.analysis is None:
             self._analyst.start()
@@ -68,7 +68,7 @@ class Desk:
         self.close()
 
     def close(self) -> None:
-        """End all work and release the clip; a render that runs is interrupted."""
+        """Stop all work and release the clip; a running render is interrupted."""
         self._closing = True
         self._latest.close()
         if self._analyst.is_alive():
@@ -78,15 +78,15 @@ class Desk:
         self._scratch.cleanup()
 
     def stop_showing(self) -> None:
-        """End the work on pictures, whoever waits for them."""
+        """Stop the work on pictures, even if requests are waiting for them."""
         self._latest.close()
 
-    # See
+    # Pictures
 
     def picture(
         self, index: int, slot: str, part: str, scale: int, lane: str
     ) -> tuple[int, Future[Shown]]:
-        """A frame by the settings as they are now; the version that they have, and the picture."""
+        """The version of the current settings, and a frame rendered with them."""
         with self._lock:
             version, document = self.version, self._in_slot(slot)
         return version, self._shown(index, document, part, scale, lane)
@@ -94,7 +94,7 @@ class Desk:
     def attempt(
         self, index: int, preset: str | None, values: Mapping[str, Any], scale: int
     ) -> Future[Shown]:
-        """A frame as another preset, or these values on top of the present ones, would make it."""
+        """A frame rendered with another preset, or with `values` on top of the settings."""
         with self._lock:
             document = self.history.now
         if preset is not None:
@@ -132,12 +132,12 @@ class Desk:
 
     def _check_index(self, index: int) -> None:
         if not 0 <= index < self.info.frames:
-            raise UsageError(f"there is no frame {index + self.first_number}")
+            raise UsageError(f"there is no frame {index + self.first_number} in this clip")
 
-    # Decide
+    # Edits
 
     def edit(self, change: Callable[[Document], Document], gesture: str | None = None) -> None:
-        """Change the document; raises UsageError, changing nothing, where it would not be sound."""
+        """Change the document; raises UsageError and changes nothing if the result is invalid."""
         with self._lock:
             self.history.do(change(self.history.now), self.info, gesture)
             self.version += 1
@@ -149,16 +149,18 @@ class Desk:
             self.version += 1
 
     def keep_other(self) -> None:
-        """Hold the present settings as B, to be compared with."""
+        """Keep the current settings as B, for comparison."""
         with self._lock:
             self.other = self.history.now
             self.version += 1
 
     def swap(self) -> None:
-        """Take B for the present settings, and these for B."""
+        """Swap the current settings and B."""
         with self._lock:
             if self.other is None:
-                raise UsageError("there is no B yet", remedy="Keep the present settings as B.")
+                raise UsageError(
+                    "there is no B yet", remedy="Keep the current settings as B first."
+                )
             before = self.history.now
             self.history.do(self.other, self.info)
             self.other = before
@@ -172,7 +174,7 @@ class Desk:
             return path
 
     def command(self) -> str:
-        """The command that converts as the desk is now; with the saved files while they hold."""
+        """The command that converts with the current settings; names saved files if up to date."""
         with self._lock:
             now = self.history.now
             preset = self.saved.get("preset") if self._holds("preset") else None
@@ -181,7 +183,7 @@ class Desk:
 
     @property
     def shots_need_saving(self) -> bool:
-        """Whether shots are decided otherwise than a conversion of the clip would find them."""
+        """Whether the shots differ from those that a conversion of the clip would find."""
         return bool(self.history.now.own_looks(self.info)) and not self._holds("shots")
 
     def _holds(self, kind: str) -> bool:
@@ -195,14 +197,14 @@ class Desk:
     # Render
 
     def render(self, kind: str, name: str) -> Path:
-        """Start to convert the clip into a folder, or to a film, beside the saved files."""
+        """Start converting the clip to a folder, or to a film, next to the saved files."""
         if kind not in RENDERS:
             raise UsageError(f"{kind!r} is neither convert nor preview")
         output = self.saver.path(name, RENDERS[kind])
         with self._lock:
             now = self.history.now
             private = Saver(Path(self._scratch.name))
-            # As files, so that any setting comes through, and later edits do not reach the render.
+            # As files, so that any setting can be passed and later edits do not affect the render.
             arguments = [kind, self.info.path, str(output)]
             serial = str(self.version)
             arguments += ["--preset", str(private.save("preset", f"p{serial}", now, True))]

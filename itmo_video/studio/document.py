@@ -1,4 +1,4 @@
-"""What is decided in the studio: settings of the clip, shots with their own; undone and redone."""
+"""The studio's document: settings of the clip and of single shots, with undo and redo."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ from itmo_video.model import ClipInfo
 from itmo_video.presets import check_own, load_preset, made_of
 from itmo_video.settings import Settings
 
-STEPS = 200  # that can be undone
+STEPS = 200  # of undo
 _MAXIMA = ("l_max", "peak_nits")
 _UNREAD: Mapping[str, Any] = MappingProxyType({})
 
 
 @dataclass(frozen=True)
 class Document:
-    """A preset, the settings changed on top of it, and the clip's shots (none until analysed).
+    """A preset, the settings changed on top of it, and the clip's shots (none before analysis).
 
-    `base` is what the preset's file says; it is read once, as the file may be saved over.
+    `base` is the content of the preset's file; it is read once, as the file may be replaced.
     """
 
     preset: str
@@ -39,7 +39,7 @@ class Document:
 
     @cached_property
     def settings(self) -> Settings:
-        """The clip's settings; raises UsageError where they do not fit together."""
+        """The clip's settings; raises UsageError if they contradict each other."""
         return made_of(self.base, self.changed)
 
     @cached_property
@@ -53,35 +53,37 @@ class Document:
         return self.analysis.shots if self.analysis else ()
 
     def own_looks(self, info: ClipInfo) -> tuple[ShotLook, ...]:
-        """The shots that are expanded otherwise than the clip, as a conversion takes them."""
+        """The shots with settings of their own, in the form that a conversion takes."""
         if "_own" not in self.__dict__:
             self.__dict__["_own"] = shot_looks(info, self.settings, self.analysis)
         own: tuple[ShotLook, ...] = self.__dict__["_own"]
         return own
 
     def look_at(self, index: int, info: ClipInfo) -> Look:
-        """What the frame at `index` is expanded with."""
+        """The settings used for the frame at `index`."""
         for shot in self.own_looks(info):
             if shot.first <= index <= shot.last:
                 return shot.look
         return self.look
 
     def with_shots(self, shots: Sequence[Shot]) -> Document:
-        """The same with other shots; UsageError before the clip is analysed."""
+        """A copy with other shots; raises UsageError before the clip is analysed."""
         if self.analysis is None:
-            raise UsageError("the clip's cuts are not known yet", remedy="Wait a moment.")
+            raise UsageError(
+                "the clip is still being analysed", remedy="Wait until its cuts are found."
+            )
         return replace(self, analysis=replace(self.analysis, shots=tuple(shots)))
 
 
 def with_preset(document: Document, name: Any) -> Document:
-    """Another preset in place of what was set for the clip; a path is not the page's to choose."""
+    """A copy with another preset in place of the clip's settings; the page may not name a path."""
     if not isinstance(name, str) or name.endswith(".toml"):
         raise UsageError(f"unknown preset {name!r}")
     return Document(name, {}, document.analysis)
 
 
 def set_values(document: Document, values: Mapping[str, Any], shot: int | None) -> Document:
-    """With settings changed, of the clip or of one shot; a value of None resets one."""
+    """A copy with settings of the clip or of one shot changed; a value of None resets one."""
     if shot is None:
         changed = _merged(document.changed, values)
         return replace(document, changed=changed)
@@ -94,7 +96,7 @@ def set_values(document: Document, values: Mapping[str, Any], shot: int | None) 
 
 
 def split(document: Document, at: int) -> Document:
-    """With the shot that frame number `at` lies in cut in two before it; both keep its settings."""
+    """A copy with the shot split before frame number `at`; both parts keep its settings."""
     shots = list(document.shots)
     for place, shot in enumerate(shots):
         if shot.first < at <= shot.last:
@@ -104,22 +106,22 @@ def split(document: Document, at: int) -> Document:
             )
             shots[place : place + 1] = parts
             return document.with_shots(shots)
-    raise UsageError(f"no shot can be split before frame {at}", remedy="A shot starts there.")
+    raise UsageError(f"cannot split before frame {at}", remedy="A shot already starts there.")
 
 
 def merge(document: Document, shot: int) -> Document:
-    """With a shot and the one after it as one, which has the first one's settings."""
+    """A copy with a shot and the next merged, with the settings of the first."""
     shots = list(document.shots)
     _known(shots, shot)
     if shot + 1 >= len(shots):
-        raise UsageError("there is no shot after it to merge with")
+        raise UsageError("this is the last shot: there is no next shot to merge with")
     merged = replace(shots[shot], last=shots[shot + 1].last, statistics=None)
     shots[shot : shot + 2] = [merged]
     return document.with_shots(shots)
 
 
 def enable(document: Document, shot: int, on: bool) -> Document:
-    """With a shot expanded or left SDR."""
+    """A copy with a shot expanded or left SDR."""
     shots = list(document.shots)
     _known(shots, shot)
     shots[shot] = replace(shots[shot], enabled=on)
@@ -132,7 +134,7 @@ def _merged(before: Mapping[str, Any], values: Mapping[str, Any]) -> dict[str, A
         after.pop(name, None)
         if value is not None:
             after[name] = value
-            # Of the two ways to say the peak the one that was said last holds.
+            # The peak can be given in two ways; the one set last applies.
             for other in _MAXIMA:
                 if name in _MAXIMA and other != name and other not in values:
                     after.pop(other, None)
@@ -145,7 +147,7 @@ def _known(shots: Sequence[Shot], shot: int) -> None:
 
 
 class History:
-    """A document and its steps, undone and redone; steps of one gesture (a drag) count as one."""
+    """A document with undo and redo; all changes of one gesture (a drag) are one step."""
 
     def __init__(self, document: Document) -> None:
         self._past: list[Document] = []
@@ -155,16 +157,16 @@ class History:
 
     @property
     def can_undo(self) -> bool:
-        """Whether there is a step back."""
+        """Whether there is a step to undo."""
         return bool(self._past)
 
     @property
     def can_redo(self) -> bool:
-        """Whether a step was undone and nothing done since."""
+        """Whether there is a step to redo."""
         return bool(self._future)
 
     def do(self, document: Document, info: ClipInfo, gesture: str | None = None) -> None:
-        """Take the document over; raises UsageError, changing nothing, unless it is sound."""
+        """Make the document the current one; if it is invalid, raise UsageError, change nothing."""
         _ = document.look
         document.own_looks(info)
         if gesture is None or gesture != self._gesture:
@@ -172,19 +174,19 @@ class History:
         self._gesture, self._future, self.now = gesture, [], document
 
     def undo(self) -> None:
-        """Go a step back, if there is one."""
+        """Undo one step, if there is one."""
         if self._past:
             self._future.append(self.now)
             self.now, self._gesture = self._past.pop(), None
 
     def redo(self) -> None:
-        """Do again what was undone last, if anything."""
+        """Redo the step that was undone last, if any."""
         if self._future:
             self._past.append(self.now)
             self.now, self._gesture = self._future.pop(), None
 
     def analysed(self, analysis: Analysis) -> None:
-        """Give the steps that know no shots yet those of the analysis."""
+        """Add the analysed shots to all steps made before the analysis."""
 
         def known(document: Document) -> Document:
             return document if document.analysis else replace(document, analysis=analysis)

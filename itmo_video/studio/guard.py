@@ -1,4 +1,4 @@
-"""Who may talk to the studio: this page alone, in this browser, on this machine."""
+"""Access control: only this page, in this browser, on this machine may talk to the studio."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ _HEADERS = (
 
 
 class Guard:
-    """Refuses what has not the token as the first part of its path, or comes from elsewhere.
+    """Refuses requests without the token as the first part of their path, or of another origin.
 
-    The Host header must name this machine and port: a foreign name that was made to resolve to
-    127.0.0.1 (DNS rebinding) does not. Origin and Sec-Fetch-Site, where a browser sends them, must
-    be the page's own. The app behind sees the path without the token.
+    The Host header must name this machine and port, which stops DNS rebinding (a foreign name that
+    resolves to 127.0.0.1). Origin and Sec-Fetch-Site, if the browser sends them, must match the
+    page's. The wrapped app sees the path without the token.
     """
 
     def __init__(self, app: App, token: str, port: int) -> None:
@@ -35,7 +35,7 @@ class Guard:
         self._hosts = {f"127.0.0.1:{port}", f"localhost:{port}"}
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Answer, or hand on."""
+        """Refuse the request, or pass it on."""
         if scope["type"] == "lifespan":
             await self._app(scope, receive, send)
             return
@@ -65,18 +65,18 @@ class Guard:
         if origin and origin != [f"http://{hosts[0]}"]:
             return 403, "wrong Origin"
         if set(headers.get("sec-fetch-site", [])) - {"same-origin", "none"}:
-            return 403, "asked for by another page"
+            return 403, "requested by another page"
         parts = scope["path"].split("/", 2)
         given = parts[1].encode("utf-8", "replace") if len(parts) == 3 else b""
         if not hmac.compare_digest(given, self._token.encode()):
             return 403, "no token: open the address that the studio printed"
         length = headers.get("content-length", ["0"])[0]
         if not length.isdigit() or int(length) > MAX_BODY:
-            return 413, "too long"
+            return 413, "request too long"
         if scope["method"] == "POST":
             kind = headers.get("content-type", [""])[0].partition(";")[0].strip()
             if kind != "application/json" or "transfer-encoding" in headers:
-                return 415, "not JSON of a stated length"
+                return 415, "the request must be JSON with a Content-Length"
         return None
 
 

@@ -1,4 +1,4 @@
-"""One worker, and of the requests in each lane only the newest: many clicks pile up no work."""
+"""One worker that keeps only the newest request of each lane, so that clicks never pile up."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ Stale = Callable[[], bool]
 
 
 class Latest:
-    """Runs work in a thread of its own, one at a time; `lanes` are in the order of their urgency.
+    """Runs work in its own thread, one item at a time; `lanes` are in order of priority.
 
-    A request that a newer one of its lane overtakes ends with StaleError, whether it waits or runs:
-    what runs is handed a function that tells it. So at most one request a lane waits.
+    A request overtaken by a newer one in its lane ends with StaleError, whether waiting or running:
+    running work is given a function that reports it. At most one request per lane waits.
     """
 
     def __init__(self, lanes: Sequence[str]) -> None:
@@ -30,7 +30,7 @@ class Latest:
         self._thread.start()
 
     def submit(self, lane: str, work: Callable[[Stale], T]) -> Future[T]:
-        """Have `work` done soon; KeyError for an unknown lane."""
+        """Schedule `work`; raises KeyError for an unknown lane."""
         future: Future[T] = Future()
         with self._some:
             self._newest[lane] += 1
@@ -45,7 +45,7 @@ class Latest:
         return future
 
     def close(self) -> None:
-        """Let what runs end as stale, drop what waits, and end the thread."""
+        """Mark the running work as stale, drop waiting requests, and end the thread."""
         with self._some:
             self._closed = True
             dropped = list(self._waiting.values())
@@ -69,14 +69,14 @@ class Latest:
         while (found := self._next()) is not None:
             lane, serial, work, future = found
             if not future.set_running_or_notify_cancel():
-                continue  # who asked has gone
+                continue  # the caller has gone
 
             def stale(lane: str = lane, serial: int = serial) -> bool:
                 return self._closed or self._newest[lane] != serial
 
             try:
                 result = work(stale)
-            except BaseException as error:  # handed to who waits, whatever it is
+            except BaseException as error:  # any error goes to the caller
                 future.set_exception(error)
             else:
                 future.set_result(result)

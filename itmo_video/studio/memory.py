@@ -1,4 +1,4 @@
-"""What the studio remembers: bounded in bytes, the longest unused goes first."""
+"""The studio's caches: bounded in bytes, least recently used entries go first."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ V = TypeVar("V")
 
 
 class Memory(Generic[V]):
-    """Values by key, at most `limit_bytes` of them; thread-safe."""
+    """A cache of values by key, at most `limit_bytes` in all; thread-safe."""
 
     def __init__(self, limit_bytes: int) -> None:
         self._limit, self._held = limit_bytes, 0
@@ -24,11 +24,11 @@ class Memory(Generic[V]):
 
     @property
     def held_bytes(self) -> int:
-        """What the values that are held take."""
+        """The size of all values held."""
         return self._held
 
     def get(self, key: Hashable) -> V | None:
-        """The value, which is then the last to go."""
+        """The value, marked as the most recently used."""
         with self._lock:
             if key not in self._values:
                 return None
@@ -36,7 +36,7 @@ class Memory(Generic[V]):
             return self._values[key][0]
 
     def recall(self, key: Hashable, make: Callable[[], V], size_of: Callable[[V], int]) -> V:
-        """The value, made where it is not held; it is made outside of the lock."""
+        """The value, computed (outside the lock) if it is not held."""
         held = self.get(key)
         if held is None:
             held = make()
@@ -44,7 +44,7 @@ class Memory(Generic[V]):
         return held
 
     def put(self, key: Hashable, value: V, size_bytes: int) -> None:
-        """Hold a value; others go for it. One that is too large by itself is not held."""
+        """Hold a value, dropping others for it; a value larger than the limit is not held."""
         with self._lock:
             if key in self._values:
                 self._held -= self._values.pop(key)[1]
@@ -57,20 +57,20 @@ class Memory(Generic[V]):
 
 
 class RememberedClip(Clip):
-    """A clip whose decoded frames are held for a while; for one thread.
+    """A clip with a cache of decoded frames; for one thread.
 
-    A frame depends on the source alone, so one that is held is the one that decoding gives.
+    A frame depends on the source alone, so a held frame equals what decoding would give.
     """
 
     def __init__(self, clip: Clip, limit_bytes: int) -> None:
         self._clip, self.info = clip, clip.info
         self._frames = Memory[Frame](limit_bytes)
-        # The decoder that was left last, and the index that it gives next: playing on is not
-        # seeking anew at every frame.
+        # The last decoder used, and the index of the frame it gives next, so that playing on
+        # does not seek at every frame.
         self._parked: tuple[Iterator[Frame], int] | None = None
 
     def frames(self, start: int = 0) -> Iterator[Frame]:
-        """Yield the frames from `start` on, decoding only those that are not held."""
+        """Yield the frames from `start` on, decoding only those not held."""
         index = start
         decoder: Iterator[Frame] | None = None
         position = -1
@@ -93,7 +93,7 @@ class RememberedClip(Clip):
             self._leave(decoder, position)
 
     def time_s(self, index: int) -> Fraction:
-        """Presentation time of the frame `index`."""
+        """The presentation time of the frame at `index`."""
         return self._clip.time_s(index)
 
     def close(self) -> None:

@@ -1,4 +1,4 @@
-"""One render at a time, as a command of its own: it continues when the page is closed."""
+"""One render at a time, as a separate process: it continues when the page is closed."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from typing import Any, Literal
 from itmo_video.errors import UsageError
 
 State = Literal["none", "running", "done", "failed", "cancelled"]
-_PATIENCE_S = 20  # for a command that was asked to end
+_PATIENCE_S = 20  # for a command that was asked to stop
 
 
 @dataclass
 class Progress:
-    """How far the render is, for the page."""
+    """The progress of the render, for the page."""
 
     state: State = "none"
     kind: str = ""
@@ -47,8 +47,8 @@ class Runner:
         """Run `itmo-video ARGUMENTS --json`; raises UsageError while another render runs."""
         with self._lock:
             if self.progress.state == "running":
-                raise UsageError("a render is running", remedy="Wait for it, or cancel it.")
-            # A session of its own: Ctrl-C in the studio's terminal is the studio's to pass on.
+                raise UsageError("a render is already running", remedy="Wait for it, or cancel it.")
+            # In its own session: the studio passes on Ctrl-C from its terminal itself.
             self._process = subprocess.Popen(
                 [sys.executable, "-m", "itmo_video", *arguments, "--json"],
                 stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
@@ -61,7 +61,7 @@ class Runner:
             self._follower.start()
 
     def cancel(self) -> None:
-        """Interrupt the render, if one runs; what is written stays whole."""
+        """Interrupt the render, if one is running; finished frames stay intact."""
         process = self._process
         if process is None or self.progress.state != "running":
             return
@@ -70,7 +70,7 @@ class Runner:
             process.send_signal(signal.SIGINT)
 
     def close(self) -> None:
-        """Interrupt the render and wait for its end."""
+        """Interrupt the render and wait until it has ended."""
         self.cancel()
         process = self._process
         if process is not None:

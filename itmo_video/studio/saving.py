@@ -1,4 +1,4 @@
-"""Saving a preset and a shot list: whole or not at all, and never over a stranger's file."""
+"""Saving a preset and a shot list: atomically, and never over an unrelated file."""
 
 from __future__ import annotations
 
@@ -25,33 +25,36 @@ KINDS = {
 
 
 class ExistsError(OutputError):
-    """A file of the same kind is there: who saves may say that it is to be replaced."""
+    """A file of the same kind exists: the user may choose to replace it."""
 
 
 class Saver:
-    """Writes into one folder, files by plain names; remembers what it wrote itself."""
+    """Writes files by plain name into one folder; remembers what it has written."""
 
     def __init__(self, folder: Path, inputs: Iterable[StrPath] = ()) -> None:
-        """`inputs` are what the clip is read from, which nothing is written over."""
+        """`inputs` are the files of the clip, which are never overwritten."""
         self.folder, self._inputs = folder, tuple(inputs)
         self._written: dict[Path, str] = {}
 
     def path(self, name: str, suffix: str = "") -> Path:
-        """The file or folder called `name`; raises UsageError for what is no plain name."""
+        """The file or folder called `name`; raises UsageError unless it is a plain name."""
         if not name or name != os.path.basename(name) or name.startswith((".", "-")):
             raise UsageError(
                 f"{name!r} is not a plain file name",
-                remedy=f"Files go to {self.folder}: give a name without folders.",
+                remedy=f"Files are saved to {self.folder}: give a name without folders.",
             )
         if any(ord(letter) < 32 or letter in '\\:*?"<>|' for letter in name):
-            raise UsageError(f"{name!r} holds characters that not every system allows")
+            raise UsageError(
+                f"{name!r} contains characters that some systems do not allow",
+                remedy="Choose another name.",
+            )
         return self.folder / (name if name.endswith(suffix) else name + suffix)
 
     def save(self, kind: str, name: str, document: Document, replace: bool) -> Path:
-        """Write the document's settings ("preset") or its shots ("shots"); returns the file.
+        """Write the document's settings ("preset") or its shots ("shots"); returns the path.
 
-        A file that is there is replaced if this object wrote it as it is, or if `replace` and it is
-        of the same kind; else ExistsError or OutputError.
+        An existing file is replaced if this object wrote it and it is unchanged, or with `replace`
+        if it is of the same kind; otherwise raises ExistsError or OutputError.
         """
         if kind not in SUFFIXES:
             raise UsageError(f"{kind!r} is neither preset nor shots")
@@ -64,34 +67,38 @@ class Saver:
         return path
 
     def is_ours(self, path: Path) -> bool:
-        """Whether the file is as this object wrote it."""
+        """Whether the file is unchanged since this object wrote it."""
         return path in self._written and path.is_file() and _digest(path) == self._written[path]
 
     def _refuse(self, path: Path, kind: str, document: Document, replace: bool) -> None:
         if not os.path.lexists(path) or self.is_ours(path):
             return
         if path.is_symlink() or not path.is_file() or not _same_kind(path, kind, document):
+            expected = "preset" if kind == "preset" else "shot list of this clip"
             raise OutputError(
-                f"it is there and no {'preset' if kind == 'preset' else 'shot list of this clip'}",
+                f"file exists and is not a {expected}",
                 where=str(path),
                 remedy="Choose another name.",
             )
         if not replace:
-            raise ExistsError("it is there already", where=str(path), remedy="Replace it?")
+            raise ExistsError("file exists", where=str(path), remedy="Replace it?")
 
 
 def preset_toml(document: Document) -> bytes:
-    """The clip's settings as a preset's file, with all that the preset it is based on sets."""
+    """The clip's settings as a preset file, including those of the preset it is based on."""
     import tomli_w
 
     said = overriding(document.base, document.changed)
     settings = {flag_name(name): _plain(v) for name, v in said.items() if v is not None}
-    content = {"description": f"made in the studio from {document.preset}", "settings": settings}
+    content = {
+        "description": f"saved in the studio, based on {document.preset}",
+        "settings": settings,
+    }
     return tomli_w.dumps(content).encode()
 
 
 def shots_json(document: Document) -> bytes:
-    """The shots as the file of `analyse`; UsageError before the clip is analysed."""
+    """The shots in the format of `analyse`; raises UsageError before the clip is analysed."""
     if document.analysis is None:
         raise UsageError("the clip's cuts are not known yet", remedy="Wait a moment.")
     return document.analysis.to_json().encode("utf-8", "backslashreplace")
@@ -100,7 +107,7 @@ def shots_json(document: Document) -> bytes:
 def command(
     document: Document, clip: str, output: str, preset: Path | None, shots: Path | None
 ) -> str:
-    """The command that converts with this document, to be copied into a shell."""
+    """The command that converts with this document, ready for a shell."""
     words = ["itmo-video", "convert", clip, output]
     if preset is not None:
         words += ["--preset", str(preset)]

@@ -1,4 +1,4 @@
-"""The edge of the studio: one clip, one page on this machine, until the user ends it."""
+"""Running the studio: one clip, one local page, until the user stops it."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ def serve(
 ) -> None:
     """Open the clip and serve its page on 127.0.0.1 until interrupted.
 
-    `on_ready` is given the page's address, which holds the token that everything needs. Of `run`
-    the start number and the greatest size count. Raises what opening the clip raises, and
-    UsageError where the extra is missing or the port is taken.
+    `on_ready` is called with the page's address, which contains the token that every request needs.
+    Of `run` only the start number and the size limit are used. Raises what opening the clip raises,
+    and UsageError if the extra is not installed or the port is taken.
     """
     try:
         import tomli_w  # noqa: F401 - a missing extra is told before the work
@@ -40,13 +40,16 @@ def serve(
         ) from error
     folder = options.folder.resolve()
     if not folder.is_dir():
-        raise UsageError("not a folder", where=str(folder), remedy="Make it, or choose another.")
+        raise UsageError("not a folder", where=str(folder), remedy="Create it, or choose another.")
     with Desk(source, document, folder, run) as desk, socket.socket() as listener:
         listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:
             listener.bind(("127.0.0.1", options.port))
         except OSError as error:
-            raise UsageError(f"port {options.port} cannot be used: {error.strerror}") from error
+            raise UsageError(
+                f"port {options.port} cannot be used: {error.strerror}",
+                remedy="Choose another with --port, or leave it out.",
+            ) from error
         listener.listen(64)
         taken = listener.getsockname()[1]
         token = secrets.token_urlsafe(24)
@@ -63,7 +66,7 @@ def serve(
 
         class Server(uvicorn.Server):
             async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
-                desk.stop_showing()  # else it would be waited for
+                desk.stop_showing()  # otherwise shutting down would wait for pictures
                 await super().shutdown(sockets)
 
         Server(config).run(sockets=[listener])

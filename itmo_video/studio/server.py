@@ -1,4 +1,4 @@
-"""The studio's HTTP surface: the page, its pictures as the EXR's own half floats, and its edits."""
+"""The studio's HTTP interface: the page, its pictures as half floats, and its edits."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class _Api:
         self._desk, self._site = desk, Site()
 
     def routes(self) -> list[Route]:
-        """All that is answered; anything else is not found."""
+        """All routes; anything else is 404."""
         gets: dict[str, Answer] = {
             "/api/about": self._about,
             "/api/state": self._state,
@@ -167,11 +167,11 @@ def _change(do: str, asked: dict[str, Any]) -> Callable[[Document], Document]:
         return partial(documents.merge, shot=_whole(shot))
     if do == "enable":
         return partial(documents.enable, shot=_whole(shot), on=asked.get("on") is True)
-    raise UsageError(f"{do!r} is nothing that can be done")
+    raise UsageError(f"unknown action {do!r}")
 
 
 def _told(answer: Answer) -> Answer:
-    """The answer, or what went wrong in words for the page."""
+    """The response, or a message for the page if the request fails."""
 
     async def safe(request: Request) -> Response:
         try:
@@ -193,13 +193,13 @@ async def _of(future: Future[T]) -> T:
 async def _body(request: Request) -> dict[str, Any]:
     data = await request.body()
     if len(data) > MAX_BODY:
-        raise UsageError("too long")
+        raise UsageError("request too long")
     try:
         found = json.loads(data)
     except (ValueError, RecursionError) as error:
-        raise UsageError("not JSON") from error
+        raise UsageError("the request is not JSON") from error
     if not isinstance(found, dict):
-        raise UsageError("not a table")
+        raise UsageError("the request must be a JSON object")
     return found
 
 
@@ -208,7 +208,7 @@ def _whole(value: object) -> int:
         return int(value)
     if isinstance(value, int) and not isinstance(value, bool):
         return value
-    raise UsageError(f"{value!r} is no whole number")
+    raise UsageError(f"{value!r} is not a whole number")
 
 
 def _halfs(shown: Shown, version: int) -> Response:

@@ -1,6 +1,6 @@
-"""One clip, any frame, any settings: what `convert` would write, with all that it takes remembered.
+"""One clip, any frame, any settings: exactly what `convert` would write, with caches.
 
-The pictures come from the renderer's own functions; only what was made before is not made again.
+The pictures come from the renderer's own functions; intermediate results are cached.
 """
 
 from __future__ import annotations
@@ -34,18 +34,18 @@ Part = Literal["hdr", "sdr", "expand_map", "gain", "clip_mask"]
 PARTS: tuple[Part, ...] = ("hdr", "sdr", "expand_map", "gain", "clip_mask")
 SCALES = (1, 2, 4)
 
-FRAME_BYTES = 400 << 20  # 1080p 4:2:0: 130 frames, a window and what is played around it
+FRAME_BYTES = 400 << 20  # 130 frames of 1080p 4:2:0: a window and the frames played around it
 MAP_BYTES = 200 << 20
 _THREADS = 2
 
 
 class StaleError(Exception):
-    """Nobody waits for this picture any more."""
+    """The picture is no longer needed."""
 
 
 @dataclass(frozen=True)
 class Shown:
-    """A picture as the EXR has it: float16 (channels, H, W), linear, SDR white = 1."""
+    """A picture as stored in EXR: float16 (channels, H, W), linear, SDR white = 1."""
 
     index: int
     planes: Half
@@ -62,7 +62,7 @@ def _never() -> bool:
 
 
 class Session:
-    """An open clip and what was made of it; for one thread at a time. Close it, or use `with`."""
+    """An open clip with its caches; for one thread at a time. Close it, or use `with`."""
 
     def __init__(
         self,
@@ -91,7 +91,7 @@ class Session:
 
     @property
     def held_bytes(self) -> int:
-        """What the pictures that are remembered take, decoded frames apart."""
+        """The size of all cached pictures, without decoded frames."""
         return sum(m.held_bytes for m in (self._small, self._maps, self._seen, self._flows))
 
     def picture(
@@ -103,11 +103,11 @@ class Session:
         scale: int = 1,
         stale: Callable[[], bool] = _never,
     ) -> Shown:
-        """A frame as `convert` writes it: the clip read by `look`, the frame by `own` (`look`).
+        """A frame as `convert` writes it: the clip with `look`, the frame with `own` (or `look`).
 
-        With `scale` 2 or 4 from codes averaged to that part of its size, the map being the same.
-        Raises StaleError soon after `stale` says so, DamagedInputError where the frame does not
-        decode.
+        With `scale` 2 or 4, codes are first averaged to 1/2 or 1/4 of the size; the map stays the
+        same. Raises StaleError soon after `stale` returns true, DamagedInputError if the frame
+        cannot be decoded.
         """
         self._stale = stale
         self._reopen(look)
@@ -128,7 +128,7 @@ class Session:
         return Shown(index, np.stack(done.rgb), own.settings.primaries)
 
     def frame(self, index: int) -> Frame:
-        """The decoded frame at `index`; raises DamagedInputError where it does not decode."""
+        """The decoded frame at `index`; raises DamagedInputError if it cannot be decoded."""
         found = next(self.clip.frames(index), None)
         if found is None or found.index != index:
             raise DamagedInputError(
@@ -137,7 +137,7 @@ class Session:
         return found
 
     def lights(self, index: int, look: Look) -> list[tuple[float, float]]:
-        """The frame's own median-cut lights, (x, y) from 0 to 1 across the picture."""
+        """The frame's median-cut lights, (x, y) from 0 to 1 across the picture."""
         self._stale = _never
         self._reopen(look)
         return key_lights(self.frame(index), look.settings)
@@ -151,7 +151,7 @@ class Session:
         self._flows = Memory[tuple[Float32, Code, Code]](self._map_bytes)
 
     def _reopen(self, look: Look) -> None:
-        """Read the clip as these settings say; all that is remembered is of one reading."""
+        """Read the clip with these settings; caches hold results of one reading only."""
         options = input_options(look.settings, self._max_pixels)
         if options != self._options:
             before = self.clip
@@ -213,11 +213,11 @@ class Session:
         return self._maps.recall(key, lambda: make_key_map(frame, look, recall), _bytes_of)
 
     def _recall(self, reading: Hashable, what: str, make: Callable[[], Any]) -> Any:
-        """What an operator made of a key's picture alone, so that a new peak takes no network."""
+        """An operator's result for a key's picture, cached: a new peak needs no network run."""
         return self._seen.recall((reading, what), make, _bytes_of)
 
     def _find_flow(self, here: Code, there: Code) -> Float32:
-        # By identity, which holds as long as both pictures are held beside the flow.
+        # By identity, which is valid as long as both pictures are held with the flow.
         key = ("flow", id(here), id(there))
         return self._flows.recall(key, lambda: (flow_px(here, there), here, there), _bytes_of_all)[
             0
@@ -237,7 +237,7 @@ def _bytes_of_all(values: Sequence[Any]) -> int:
 
 
 def reduced(frame: Frame, scale: int) -> Frame:
-    """The frame with its codes averaged to 1 / `scale` of its size, subsampling kept."""
+    """The frame with its codes averaged to 1 / `scale` of its size, keeping chroma subsampling."""
     width, height = frame.size
     if min(width, height) < 4 * scale:
         return frame

@@ -1,4 +1,4 @@
-"""The page's own files, all of them known from the start: no path from outside is looked up."""
+"""The page's files, all known at the start: no path from a request is ever looked up."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _KINDS = {
 
 
 class Site:
-    """The page, its style and modules, by path, with their content types."""
+    """The page, its style sheets and modules, by path, with content types."""
 
     def __init__(self) -> None:
         folder = resources.files("itmo_video.studio").joinpath("page")

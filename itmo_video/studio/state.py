@@ -1,4 +1,4 @@
-"""What the page is sent: facts that stay, and the current state."""
+"""What is sent to the page: constant facts, and the current state."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from itmo_video.studio.document import Document
 
 
 def about(desk: Desk) -> dict[str, Any]:
-    """What does not change while the studio is open."""
+    """Facts that do not change while the studio is open."""
     info = desk.info
     return {
         "name": Path(info.path).name,
@@ -49,7 +49,7 @@ def about(desk: Desk) -> dict[str, Any]:
 
 
 def state(desk: Desk) -> dict[str, Any]:
-    """What the page shows of the document, the saved files and the render."""
+    """The state of the document, the saved files and the render, for the page."""
     now = desk.history.now
     progress = dataclasses.asdict(desk.runner.progress)
     return {
@@ -71,9 +71,9 @@ def state(desk: Desk) -> dict[str, Any]:
 
 
 def keys(desk: Desk, document: Document) -> list[int]:
-    """Numbers of the frames that keyframes stand on: the grid, both sides of cuts, the last.
+    """Frame numbers of the keyframes: the grid, both sides of each cut, and the last frame.
 
-    A key that a flash moves is shown where it would stand without.
+    A keyframe that is moved because of a flash is shown at its regular place.
     """
     reach, last = document.settings.key_reach, desk.info.frames - 1
     found = {*range(0, last + 1, reach), last}
@@ -83,7 +83,7 @@ def keys(desk: Desk, document: Document) -> list[int]:
 
 
 def _peak(desk: Desk) -> float:
-    """The highest peak of clip, shots and B, SDR white = 1: one for all that is compared."""
+    """The highest peak of clip, shots and B, SDR white = 1, shared by all pictures compared."""
     both = [desk.history.now, *([desk.other] if desk.other is not None else [])]
     looks = [document.look for document in both]
     looks += [shot.look for document in both for shot in document.own_looks(desk.info)]

@@ -1,4 +1,4 @@
-"""The present frame as an HDR still, for browsers and monitors that show HDR."""
+"""The current frame as an HDR still, for browsers and monitors that show HDR."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ _CRF = 18
 
 
 def avif_still(shown: Shown, settings: Settings) -> bytes:
-    """A 10-bit PQ AVIF of a picture, as `preview --frame` makes it."""
+    """A picture as a 10-bit PQ AVIF, as `preview --frame` writes it."""
     white = settings.white_nits
     peak = settings.l_max_effective * white
     planes, _ = hdr.master_frame(

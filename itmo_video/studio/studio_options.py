@@ -1,4 +1,4 @@
-"""How the studio is opened: the options of `studio` that are its own."""
+"""The options specific to `studio`."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ from itmo_video.options import check_options, option
 
 @dataclass(frozen=True)
 class StudioOptions:
-    """Where the studio saves, and how its page is reached. Validated when made (UsageError)."""
+    """Where the studio saves, and how its page is served. Validated on creation (UsageError)."""
 
     folder: Path = option(
-        Path(), Path, "folder to save and render to (the current one)", metavar="DIR"
+        Path(), Path, "folder to save and render to (default: the current one)", metavar="DIR"
     )
     port: int = option(
-        0, int, "port of the page; 0 picks a free one", lower=0, upper=65535, metavar="N"
+        0, int, "port to serve the page on; 0 picks a free one", lower=0, upper=65535, metavar="N"
     )
-    no_browser: bool = option(False, bool, "print the page's address, open no browser")
+    no_browser: bool = option(False, bool, "print the address instead of opening a browser")
 
     def __post_init__(self) -> None:
         check_options(self)

@@ -1,4 +1,4 @@
-"""Variants to pick from: all presets, or one setting at several values."""
+"""Variants to choose from: all presets, or one setting at several values."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from itmo_video.settings import Settings
 
 COUNT = 6
 PRESETS = "presets"
-# Where people go, where bounds are wider than anybody would: ends of sliders and of variants.
+# The useful range where a setting's bounds are much wider: ends of sliders and of variants.
 USUAL: dict[str, tuple[float, float]] = {
     "peak_nits": (400, 4000), "l_max": (1.5, 20), "white_nits": (100, 400), "l_white": (0.5, 20),
     "alpha": (0.05, 2), "radius": (4, 64), "min_lights": (0, 16), "map_width": (128, 1024),
@@ -27,7 +27,7 @@ _OF_READING = ("fps", "stream", "raw", "deinterlace", "force_sdr")
 
 @dataclass(frozen=True)
 class Variant:
-    """A look to try: a preset, or values on top of the present settings."""
+    """A look to try: a preset, or values on top of the current settings."""
 
     label: str
     says: str = ""
@@ -36,7 +36,7 @@ class Variant:
 
 
 def varied() -> list[str]:
-    """What can be varied: "presets", or a setting of the look that is a number or a choice."""
+    """What can be varied: "presets", or any setting of the look that is a number or a choice."""
     names = [
         f.name
         for f in dataclasses.fields(Settings)
@@ -47,9 +47,9 @@ def varied() -> list[str]:
 
 
 def variants(by: str, texts: Sequence[str] = ()) -> list[Variant]:
-    """All presets, or the setting `by` at the values that `texts` say, or at some usual ones.
+    """All presets, or the setting `by` at the values in `texts`, or at some typical ones.
 
-    Raises UsageError for what is no setting of the look or no value of it.
+    Raises UsageError unless `by` is a setting of the look and `texts` are values of it.
     """
     if by == PRESETS:
         return [
@@ -59,7 +59,7 @@ def variants(by: str, texts: Sequence[str] = ()) -> list[Variant]:
     name = by.replace("-", "_")
     if name not in varied():
         known = ", ".join(flag_name(known) for known in varied())
-        raise UsageError(f"{by} is nothing to vary", remedy=f"Known: {known}")
+        raise UsageError(f"{by} cannot be varied", remedy=f"Choose one of: {known}")
     (f,) = (f for f in dataclasses.fields(Settings) if f.name == name)
     spec = spec_of(f)
     values = [_read(name, spec, text) for text in texts] or _usual(name, spec)
@@ -68,13 +68,13 @@ def variants(by: str, texts: Sequence[str] = ()) -> list[Variant]:
 
 
 def usual_bounds(name: str, spec: Spec) -> tuple[float, float]:
-    """Ends of a slider: where people go, or the setting's own bounds."""
+    """The ends of a slider: the useful range, or the setting's bounds."""
     low, high = spec.lower or 0.0, spec.upper if spec.upper is not None else 1.0
     return USUAL.get(name, (low, high))
 
 
 def by_ratio(name: str, spec: Spec) -> bool:
-    """Whether values of it are moved through by ratios: its ends are far apart."""
+    """Whether its slider is logarithmic, because its ends are far apart."""
     low, high = usual_bounds(name, spec)
     return low > 0 and high / low >= 4
 

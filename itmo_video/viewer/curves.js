@@ -1,4 +1,4 @@
-// From light to a monitor's codes: BT.1886, exposure, and curves that bring highlights into SDR.
+// From light to a monitor's codes: BT.1886, exposure, and curves that compress highlights.
 
 const M1 = 2610 / 16384, M2 = 2523 / 4096 * 128;
 const C1 = 3424 / 4096, C2 = 2413 / 4096 * 32, C3 = 2392 / 4096 * 32;
@@ -29,7 +29,7 @@ export const TONE_MAPS = {
   clip: { label: "Clipped at white", curve: (level) => level },
 };
 
-// 8-bit codes by the code of a picture: light times a gain, clipped.
+// A table of 8-bit codes by picture code: light times a gain, clipped.
 export function clippedTable(light, gain) {
   const table = new Uint8Array(light.length);
   for (let c = 0; c < light.length; c++)
@@ -37,13 +37,13 @@ export function clippedTable(light, gain) {
   return table;
 }
 
-// What light is multiplied by, by the code of the greatest of R, G and B, so that hue is kept.
+// A table of factors for light, by the code of the largest of R, G and B, which keeps hue.
 export function factorTable(light, gain, name, peak) {
   const table = new Float32Array(light.length), { curve } = TONE_MAPS[name];
   let last = 0, factor = gain;
   for (let c = 0; c < light.length; c++) {
     const level = light[c] * gain;
-    // Neighbouring codes differ by a thousandth: the curve is worked out for every fourth.
+    // Neighbouring codes differ by a thousandth, so the curve is evaluated for every fourth.
     if (level > 0 && (c & 3) === 0) factor = gain * curve(level, peak * gain) / level;
     table[c] = level > 0 ? factor : gain;
     last = c;
@@ -51,6 +51,6 @@ export function factorTable(light, gain, name, peak) {
   return table;
 }
 
-// 8-bit codes by the root of light times 4095.
+// A table of 8-bit codes by the square root of light, times 4095.
 export const ENCODED = Uint8Array.from(
   { length: 4096 }, (_, i) => 255 * ((i / 4095) ** 2) ** (1 / 2.4) + 0.5);

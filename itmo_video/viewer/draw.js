@@ -6,7 +6,7 @@ import { bands, painter } from "viewer/false_colour.js";
 export const VIEWS = ["picture", "false", "difference", "map", "gain"];
 let shared = null;
 
-// A picture tone-mapped or clipped into `out`, of columns from `left` to `right`.
+// Writes the columns from `left` to `right` of a picture to `out`, tone-mapped or clipped.
 function drawPicture(out, picture, left, right, { gain, toneMap, peak }) {
   const { width, height, count: n, shown: codes, light } = picture;
   if (toneMap === "clip") {
@@ -18,7 +18,7 @@ function drawPicture(out, picture, left, right, { gain, toneMap, peak }) {
   }
   const factors = remembered(
     toneMap, picture, `${gain} ${peak}`, () => factorTable(light, gain, toneMap, peak));
-  const top = light.length / 2;  // negative halves lie above
+  const top = light.length / 2;  // negative half floats lie above
   for (let y = 0; y < height; y++)
     for (let p = y * width + left, end = y * width + right; p < end; p++) {
       let r = codes[p], g = codes[p + n], b = codes[p + 2 * n];
@@ -56,7 +56,7 @@ const grey = (level) => {
   return (255 << 24 | code << 16 | code << 8 | code) >>> 0;
 };
 
-// Stops between two pictures: 4 stops from black to the lightest, darker ones in blue.
+// The difference of two pictures: black to lightest is 4 stops; blue is darker.
 function drawDifference(out, picture, other, left, right) {
   eachPixel(picture, left, right, (p) => {
     const stops = Math.log2((picture.luminance(p) + 1e-3) / (other.luminance(p) + 1e-3));
@@ -66,7 +66,7 @@ function drawDifference(out, picture, other, left, right) {
   });
 }
 
-// Clipped places hatched in magenta and black, which no picture has.
+// Hatches clipped areas in magenta and black, a pattern that no picture contains.
 function drawMask(out, mask, left, right) {
   const { width, codes, light } = mask;
   eachPixel(mask, left, right, (p) => {
@@ -76,7 +76,7 @@ function drawMask(out, mask, left, right) {
   });
 }
 
-// A map of any size laid on top in light blue.
+// Overlays a map of any size in light blue.
 function drawTint(out, tint, picture, left, right) {
   const { width, height } = picture, { codes, light } = tint;
   eachPixel(picture, left, right, (p) => {

@@ -1,5 +1,5 @@
-// False colour by round nits: blues and greys up to SDR white, oranges above it. The break between
-// the two is one that colour-blind people see, and every step is lighter than the one before.
+// False colour in steps of round nits: blues and greys up to SDR white, oranges above. The break is
+// visible to colour-blind people, and every step is lighter than the one before.
 
 const STEPS = [0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100, 200, 400, 600, 1000, 2000, 4000, 10000];
 const BELOW = [[4, 8, 28], [0, 60, 130], [86, 140, 190], [190, 205, 215]];
@@ -39,7 +39,7 @@ export function painter(list) {
   };
 }
 
-// A legend as a list in `element`: swatches with their round nits, SDR white named.
+// Fills `element` with a legend: swatches with round nits, and a label for SDR white.
 export function legend(element, list, short) {
   element.replaceChildren(...list.map(({ from, colour, isAbove }, i) => {
     const item = document.createElement("li"), swatch = document.createElement("i");

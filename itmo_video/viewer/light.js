@@ -1,6 +1,6 @@
-// Pictures as codes that stand for linear light, SDR white = 1, and the tables that read them.
+// Pictures as codes for linear light, SDR white = 1, and the tables that decode them.
 
-// Light of each of the 65536 half floats.
+// The light that each of the 65536 half floats stands for.
 export function halfLight() {
   const light = new Float32Array(65536);
   for (let bits = 0; bits < 65536; bits++) {
@@ -14,7 +14,7 @@ export function halfLight() {
 
 const float = new Float32Array(1), word = new Uint32Array(float.buffer);
 
-// The half float nearest to a number, within its range.
+// The half float nearest to a number, clamped to its range.
 export function toHalf(value) {
   float[0] = Math.min(65504, Math.max(-65504, value));
   const bits = word[0], sign = bits >> 16 & 0x8000, exponent = (bits >> 23 & 255) - 112;
@@ -22,8 +22,8 @@ export function toHalf(value) {
   return sign | (exponent << 10) + ((bits & 0x7fffff) + 0x1000 >> 13);
 }
 
-// One picture: `codes` planar (channels times width times height), read by `light`; `weights` give
-// luminance, `toXyz` CIE XYZ, of its own primaries. `shown` are the same in BT.709 for the monitor.
+// One picture: planar `codes` (channels x height x width), decoded by `light`; `weights` give the
+// luminance and `toXyz` CIE XYZ in its primaries. `shown` is the same in BT.709 for the monitor.
 export class Picture {
   constructor({ width, height, channels, codes, light, primaries, key }) {
     Object.assign(this, { width, height, channels, codes, light, primaries, key });
@@ -42,7 +42,7 @@ export class Picture {
     return out;
   }
 
-  // R, G and B at a pixel, as the file has them.
+  // R, G and B at a pixel, as stored in the file.
   rgb(p) {
     return [0, 1, 2].map((k) => this.light[this.codes[p + (k % this.channels) * this.count]]);
   }
@@ -55,7 +55,7 @@ export class Picture {
       + weights[2] * light[codes[p + 2 * count]];
   }
 
-  // The pixel at a place given from 0 to 1 across and down.
+  // The pixel at a position given from 0 to 1 across and down.
   at(x, y) {
     const column = Math.min(this.width - 1, Math.max(0, Math.floor(x * this.width)));
     const row = Math.min(this.height - 1, Math.max(0, Math.floor(y * this.height)));
@@ -63,7 +63,7 @@ export class Picture {
   }
 }
 
-// What a pixel is: nits, stops about SDR white, CIE 1976 u' and v' (null for black).
+// Read-out of a pixel: nits, stops relative to SDR white, CIE 1976 u' and v' (null for black).
 export function probe(picture, p, white) {
   const rgb = picture.rgb(p), luminance = picture.luminance(p);
   const [x, y, z] = picture.primaries.to_xyz.map(

@@ -5,7 +5,7 @@ import { pqCode } from "viewer/curves.js";
 const MARKS = [0.1, 1, 10, 100, 1000, 4000, 10000];
 const LEFT = 42;
 
-// Draws a scope of a picture to a canvas; of at most some 150,000 of its pixels.
+// Draws a scope of a picture to a canvas, from at most about 150,000 of its pixels.
 export function drawScope(canvas, kind, picture, white) {
   const ratio = window.devicePixelRatio || 1;
   const width = Math.round(canvas.clientWidth * ratio), height = Math.round(canvas.clientHeight * ratio);
@@ -46,7 +46,7 @@ function* sampled(picture, most = 150000) {
     for (let x = 0; x < picture.width; x += step) yield [x, y * picture.width + x];
 }
 
-// R, G and B together, as a colourist's parade laid on top of itself: green, red and blue light add.
+// An RGB waveform overlay: red, green and blue light add up.
 function waveform(context, left, across, height, picture, level) {
   const columns = Math.min(across, picture.width, 480), rows = Math.min(height, 320);
   const counts = new Uint32Array(3 * columns * rows), scale = columns / picture.width;
@@ -61,7 +61,7 @@ function waveform(context, left, across, height, picture, level) {
   }
   const small = new OffscreenCanvas(columns, rows), inner = small.getContext("2d");
   const image = inner.createImageData(columns, rows), out = image.data;
-  const most = samples / columns / 6;  // a sixth of a column at one level is full light
+  const most = samples / columns / 6;  // a sixth of a column at one level is drawn at full brightness
   for (let i = 0; i < columns * rows; i++) {
     const [r, g, b] = [0, 1, 2].map((k) => Math.min(1, (counts[3 * i + k] / most) ** 0.6));
     out[4 * i] = 255 * Math.min(1, r + 0.25 * b);

@@ -1,10 +1,10 @@
-// The picture's place: fit or 100 %, a divider that is dragged, a cross where the probe is, lights.
+// The picture on screen: fit or 100 %, a draggable divider, the probe's cross, and lights.
 
 const KEYS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
 
 export class Screen {
-  // `box` holds the canvas, the overlay canvas and the divider; `size` is the full picture's. The
-  // probe is moved by arrow keys, with Alt where `keys` says so.
+  // `box` contains the canvas, the overlay canvas and the divider; `size` is that of the full
+  // picture. Arrow keys move the probe, together with Alt if `keys` says so.
   constructor({ box, canvas, overlay, divider, size, aspect, keys = "alt", onProbe, onDivide }) {
     Object.assign(this, { box, canvas, overlay, divider, size, aspect, keys, onProbe, onDivide });
     this.split = 0.5;
@@ -81,7 +81,7 @@ export class Screen {
     this.layout();
   }
 
-  // Sizes the picture's frame in the box: all of it, or a pixel of the file for one of the monitor.
+  // Sizes the picture in the box: to fit, or one pixel of the file per pixel of the monitor.
   layout() {
     const [width, height] = [this.size[0] * this.aspect, this.size[1]];
     let scale = 1 / (window.devicePixelRatio || 1);
@@ -93,7 +93,7 @@ export class Screen {
     this.mark();
   }
 
-  // Draws what lies over the picture.
+  // Draws the overlays.
   mark() {
     const ratio = window.devicePixelRatio || 1, { overlay } = this;
     const width = Math.round(overlay.clientWidth * ratio), height = Math.round(overlay.clientHeight * ratio);

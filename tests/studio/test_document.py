@@ -118,7 +118,7 @@ def test_saved_shots_are_read_back(tmp_path: Path, document: Document) -> None:
 def test_never_over_a_strangers_file(tmp_path: Path, document: Document) -> None:
     saver = Saver(tmp_path)
     (tmp_path / "a.toml").write_text("[project]\nname = 'x'\n")
-    with pytest.raises(OutputError, match="no preset"):
+    with pytest.raises(OutputError, match="not a preset"):
         saver.save("preset", "a", document, True)
     (tmp_path / "b.toml").write_bytes(preset_toml(Document("paper")))
     with pytest.raises(ExistsError):

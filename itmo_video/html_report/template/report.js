@@ -12,7 +12,7 @@ const frameInput = byId("frame"), split = byId("split"), canvas = byId("screen")
 const cache = new Map();
 let now = null, turn = 0, playing = 0;
 
-// Light by 11-bit code (black is code 0), by a monitor's 8-bit code, and of a map's 8 bits.
+// Light by 11-bit code (black is code 0), by a monitor's 8-bit code, and by a map's 8 bits.
 const hdrLight = Float32Array.from({ length: data.codes + 1 }, (_, c) =>
   c && 2 ** ((c - 1) / (data.codes - 1) * (data.highest - data.lowest) + data.lowest));
 const sdrLight = Float32Array.from({ length: 256 }, (_, c) => (c / 255) ** 2.4);
@@ -97,7 +97,7 @@ function tell() {
   const line = (picture) => {
     const told = probe(picture, picture.at(x, y), data.white);
     const stops = told.stops === null ? "black"
-      : `${told.stops >= 0 ? "+" : ""}${told.stops.toFixed(2)} stops about SDR white`;
+      : `${told.stops >= 0 ? "+" : ""}${told.stops.toFixed(2)} stops relative to SDR white`;
     const uv = told.uv ? `, u′v′ ${told.uv.map((v) => v.toFixed(4)).join(" ")}` : "";
     return [`${short(told.nits)} nits, ${stops}${uv}; R, G, B ${told.rgb.map(short).join(", ")}`, told.nits];
   };
@@ -110,14 +110,14 @@ async function show() {
   const mine = ++turn;
   canvas.setAttribute("aria-busy", "true");
   const loaded = await load(Number(frameInput.value));
-  if (mine !== turn) return;  // a later frame was asked for meanwhile
+  if (mine !== turn) return;  // a later frame has been requested since
   now = loaded;
   paint();
   canvas.dataset.frame = now.number;
   canvas.setAttribute("aria-busy", "false");
 }
 
-// Plays the frames that are here, each as long as the clip takes to the next of them.
+// Plays the embedded frames, each for as long as the clip takes to reach the next of them.
 async function play() {
   const mine = ++playing;
   byId("play").setAttribute("aria-pressed", "true");

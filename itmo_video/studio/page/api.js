@@ -1,4 +1,4 @@
-// The studio's server: asked with relative addresses, which hold the token.
+// Requests to the studio's server, by relative addresses, which include the token.
 
 import { Picture, halfLight } from "viewer/light.js";
 
@@ -21,7 +21,7 @@ async function fetched(path, options) {
   try {
     return await answered(await fetch(path, options));
   } catch (error) {
-    if (error instanceof TypeError) throw new Refused("The studio does not answer: was it ended?");
+    if (error instanceof TypeError) throw new Refused("The studio does not respond. Is it still running in its terminal?");
     throw error;
   }
 }
@@ -46,7 +46,7 @@ async function pictureOf(response, primaries) {
   };
 }
 
-// A picture and the version of the settings that it was made by.
+// A picture and the version of the settings that it was rendered with.
 export async function picture(asked, primaries) {
   return pictureOf(await fetched(`api/picture?${new URLSearchParams(asked)}`), primaries);
 }

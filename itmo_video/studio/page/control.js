@@ -1,4 +1,4 @@
-// One setting's control: a slider with a number, a box, a choice or a set of them.
+// The control of one setting: a slider with a number, a check box, a choice, or a set of them.
 
 const STEPS = 1000;
 let serial = 0;
@@ -9,7 +9,7 @@ function make(tag, properties = {}, ...children) {
   return element;
 }
 
-// Between a slider's place, 0 to 1000, and a value; by ratios where bounds are far apart.
+// Between a slider's position, 0 to 1000, and a value; logarithmic if bounds are far apart.
 function scale({ lower, upper, by_ratio, kind }) {
   const round = (v) => (kind === "int" ? Math.round(v) : Number(v.toPrecision(4)));
   if (by_ratio) {
@@ -29,7 +29,7 @@ function powers(spec, onSet, id) {
 }
 
 function numeric(spec, onSet, id) {
-  const [lower, upper] = spec.usual;  // the number beside it takes all that is within bounds
+  const [lower, upper] = spec.usual;  // the number field accepts anything within bounds
   const { to, from } = scale({ ...spec, lower, upper });
   const range = make("input", { type: "range", min: 0, max: STEPS, step: 1, tabIndex: -1 });
   range.setAttribute("aria-hidden", "true");
@@ -43,7 +43,7 @@ function numeric(spec, onSet, id) {
     else number.reportValidity();
   };
   number.addEventListener("change", send);
-  // Enter takes the value, and the keys are the studio's again; Tab goes on from here.
+  // Enter accepts the value and returns the keys to the studio; Tab continues from here.
   number.addEventListener("keydown", (e) => { if (e.key === "Enter") number.blur(); });
   return {
     parts: [range, number],
@@ -113,7 +113,7 @@ function parameters(spec, onSet) {
   } };
 }
 
-// `onSet(value, isDrag)` is told what is chosen; null resets it.
+// `onSet(value, isDrag)` is called with the chosen value; null resets it.
 export function control(spec, onSet) {
   const id = `set-${serial++}`;
   const kind = spec.name === "lights" ? powers : spec.name === "operator_params" ? parameters

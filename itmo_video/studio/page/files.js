@@ -1,11 +1,11 @@
-// Saving, the command to copy, and the render, which goes on when the page is closed.
+// Saving, the command to copy, and the render, which continues when the page is closed.
 
 import { post } from "./api.js";
 import { failed, on, refresh, S, take, told } from "./store.js";
 
 const byId = (id) => document.getElementById(id);
 
-// In the dialog, too: it lies over the line at the bottom.
+// In the dialog, too: it covers the line at the bottom.
 function says(text, isError = false) {
   told(text, isError);
   byId("save-says").textContent = text;
@@ -60,7 +60,7 @@ function update() {
   byId("render-cancel").disabled = !isRunning;
 }
 
-// Asks how far render and cuts are, while there is something to wait for.
+// Polls the progress of the render and of finding cuts, while either is running.
 let following = 0;
 export function follow() {
   clearTimeout(following);
@@ -83,10 +83,10 @@ export function openFiles() {
   byId("copy").addEventListener("click", async () => {
     try {
       await navigator.clipboard.writeText(S.state.command);
-      told("The command is copied.");
+      told("Command copied.");
     } catch {
       getSelection().selectAllChildren(byId("command"));
-      told("The browser does not allow copying: the command is selected, press Ctrl+C.");
+      told("The browser does not allow copying. The command is selected: press Ctrl+C.");
     }
   });
   byId("render-convert").addEventListener("click", () => render("convert"));

@@ -1,4 +1,4 @@
-// The keyboard: every action with its key and its words, which the help shows.
+// The keyboard: every action with its keys and its description, as shown in the help.
 
 import { saveAll } from "./files.js";
 import { resetAll } from "./settings.js";
@@ -11,40 +11,40 @@ import { compare, compared, expose, flip, nextScope, setView, showStill, tone, V
 
 const byId = (id) => document.getElementById(id);
 const step = (by) => { pause(); go(S.index + by); };
-const keepB = () => { edit({ do: "keep_other" }); told("The present settings are kept as B."); };
+const keepB = () => { edit({ do: "keep_other" }); told("The current settings are kept as B."); };
 
-// [keys, words, action]; keys as the browser names them, with Ctrl+ and Shift+ in front.
+// [keys, description, action]; keys as the browser names them, prefixed with Ctrl+ and Shift+.
 const KEYS = [
   ["Move", [
-    [[" ", "k"], "play or pause", toggle], [["l"], "play; again: faster", () => shuttle(1)],
-    [["j"], "play backwards; again: faster", () => shuttle(-1)],
-    [["ArrowRight"], "next frame", () => step(1)], [["ArrowLeft"], "frame before", () => step(-1)],
-    [["Shift+ArrowRight"], "a second on", () => step(Math.round(S.about.rate))],
-    [["Shift+ArrowLeft"], "a second back", () => step(-Math.round(S.about.rate))],
-    [["ArrowDown"], "next shot", () => cut(1)], [["ArrowUp"], "shot before", () => cut(-1)],
+    [[" ", "k"], "play or pause", toggle], [["l"], "play; press again for faster", () => shuttle(1)],
+    [["j"], "play backwards; press again for faster", () => shuttle(-1)],
+    [["ArrowRight"], "next frame", () => step(1)], [["ArrowLeft"], "previous frame", () => step(-1)],
+    [["Shift+ArrowRight"], "one second forward", () => step(Math.round(S.about.rate))],
+    [["Shift+ArrowLeft"], "one second back", () => step(-Math.round(S.about.rate))],
+    [["ArrowDown"], "next shot", () => cut(1)], [["ArrowUp"], "previous shot", () => cut(-1)],
     [["Home"], "first frame", () => go(0)], [["End"], "last frame", () => go(S.about.frames - 1)],
-    [["p"], "loop two seconds here, or stop looping", loopHere],
-    [["i"], "loop from here", () => markLoop("in")], [["o"], "loop to here", () => markLoop("out")]]],
+    [["p"], "loop two seconds around this frame, or stop looping", loopHere],
+    [["i"], "set loop start", () => markLoop("in")], [["o"], "set loop end", () => markLoop("out")]]],
   ["Look", [
     ...VIEWS.map(([view, label], i) => [[`${i + 1}`], label.toLowerCase(), () => setView(view)]),
-    [["s"], "SDR, and back to HDR", () => compare(compared() === "sdr" ? "hdr" : "sdr")],
+    [["s"], "toggle SDR and HDR", () => compare(compared() === "sdr" ? "hdr" : "sdr")],
     [["d"], "SDR | HDR, split", () => compare(compared() === "split" ? "hdr" : "split")],
     [[",", "."], "move the divider", (e) => divide(e.key === "," ? -0.02 : 0.02)],
     [["]", "["], "exposure of HDR, half a stop", (e) => expose("hdr", e.key === "]" ? 0.5 : -0.5)],
     [["}", "{"], "exposure of SDR, half a stop", (e) => expose("sdr", e.key === "}" ? 0.5 : -0.5)],
-    [["0"], "both exposures to 0", () => { expose("hdr", null); expose("sdr", null); }],
-    [["t"], "tone-mapped, or clipped at white", tone], [["c"], "clip mask", () => flip("mask")],
+    [["0"], "reset both exposures", () => { expose("hdr", null); expose("sdr", null); }],
+    [["t"], "toggle tone-mapped and clipped at white", tone], [["c"], "clip mask", () => flip("mask")],
     [["g"], "median-cut lights", () => flip("lights")], [["w"], "next scope", nextScope],
-    [["f"], "fit, or 100 %", zoom], [["h"], "HDR still", showStill]]],
+    [["f"], "toggle fit and 100 %", zoom], [["h"], "HDR still", showStill]]],
   ["Decide", [
-    [["Shift+B"], "keep the present settings as B", keepB],
-    [["b"], "B, and back to A", () => compare(compared() === "b" ? "hdr" : "b")],
+    [["Shift+B"], "keep the current settings as B", keepB],
+    [["b"], "toggle B and A", () => compare(compared() === "b" ? "hdr" : "b")],
     [["a"], "B | A, split", () => compare(compared() === "ab" ? "hdr" : "ab")],
     [["Shift+A"], "swap A and B", () => edit({ do: "swap" })],
     [["x"], "split the shot before this frame", splitHere],
     [["m"], "merge the shot with the next", mergeHere],
-    [["e"], "switch the shot to SDR or back", switchHere],
-    [["q"], "settings of the clip, or of this shot",
+    [["e"], "leave the shot as SDR, or expand it again", switchHere],
+    [["q"], "toggle settings of the clip and of this shot",
       () => byId(S.scope_of === "clip" ? "of-shot" : "of-clip").click()],
     [["v"], "variants", showVariants], [["Ctrl+z"], "undo", () => edit({ do: "undo" })],
     [["Ctrl+y", "Ctrl+Shift+Z"], "redo", () => edit({ do: "redo" })],

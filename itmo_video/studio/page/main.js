@@ -1,4 +1,4 @@
-// The page: asks for facts and state, then opens its parts.
+// The page: fetches facts and state, then opens its parts.
 
 import { get } from "./api.js";
 import { openFiles } from "./files.js";

@@ -1,4 +1,4 @@
-// Pictures by frame and settings: held up to a size, and never an old one after a newer.
+// A cache of pictures by frame and settings, bounded in size; never shows an outdated one.
 
 import { picture, Stale } from "./api.js";
 import { S } from "./store.js";
@@ -17,7 +17,7 @@ function hold(key, value) {
   }
 }
 
-// How much smaller a picture is shown at first, and while playing.
+// The scale of a picture's first, quick version, also used while playing.
 export function quickScale() {
   const [width, height] = S.about.size, pixels = width * height;
   return pixels > 4 * SMALL_PIXELS ? 4 : pixels > SMALL_PIXELS ? 2 : 1;
@@ -31,13 +31,13 @@ function keyOf({ index, slot, part, scale }) {
 
 export const has = (asked) => held.get(keyOf(asked));
 
-// A picture {index, slot, part, scale}; `lane` is where it may be overtaken.
+// Fetches a picture {index, slot, part, scale}; newer requests in the same `lane` replace it.
 export async function load(asked, lane) {
   const key = keyOf(asked), version = S.state.version;
   if (held.has(key)) return held.get(key);
   const found = await picture({ ...asked, lane }, S.about.primaries);
   found.picture.key = key;
-  // The server answers by the settings that it has now: perhaps newer ones than were asked for.
+  // The server renders with its current settings, which may be newer than those requested.
   if (asked.part !== "sdr" && found.version !== version) throw new Stale();
   hold(key, found.picture);
   return found.picture;

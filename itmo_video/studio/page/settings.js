@@ -1,4 +1,4 @@
-// The settings as controls, each made from its own definition; for the clip, or for one shot.
+// The settings as controls, each generated from its definition; for the clip or for one shot.
 
 import { control } from "./control.js";
 import { change, edit, on, S, shotAt } from "./store.js";
@@ -12,7 +12,7 @@ export const target = () => (S.scope_of === "shot" ? shotAt(S.index) : null);
 const own = () => (target() === null ? S.state.document.changed
   : S.state.document.shots[target()]?.own ?? {});
 
-// One edit is under way at a time; of those that wait for one setting the last counts.
+// One edit is sent at a time; of those waiting for the same setting only the last is sent.
 const waiting = new Map();
 let isSending = false;
 async function send() {
@@ -26,7 +26,7 @@ async function send() {
   isSending = false;
 }
 
-// The moves of one drag are one step to undo: its end begins another.
+// All moves of one drag are one undo step; its end starts a new one.
 function set(name, value, isDrag) {
   const shot = target();
   if (shot === -1) return;
@@ -76,7 +76,7 @@ function update() {
   for (const name of ["clip", "shot"])
     byId(`of-${name}`).setAttribute("aria-pressed", String(S.scope_of === name));
   byId("scope-says").textContent = S.scope_of === "shot"
-    ? "Settings of this shot alone; those that are dim hold for the whole clip." : "";
+    ? "Settings of this shot only; dimmed ones apply to the whole clip." : "";
   byId("undo").disabled = !S.state.can_undo;
   byId("redo").disabled = !S.state.can_redo;
 }

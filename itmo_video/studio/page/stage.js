@@ -1,4 +1,4 @@
-// Shows the frame: which pictures the view needs, small first, then whole; draws them.
+// Shows the frame: fetches the pictures that the view needs, small first, and draws them.
 
 import { draw } from "viewer/draw.js";
 import { bands, legend } from "viewer/false_colour.js";
@@ -14,7 +14,7 @@ const byId = (id) => document.getElementById(id);
 const LAYERS = { map: "expand_map", gain: "gain" };
 let screen, turn = 0, shown = null, drawing = 0;
 
-// The pictures that the present view is made of, by role.
+// The pictures that the current view consists of, by role.
 function needs(index, scale) {
   const slot = S.slot, wanted = {};
   const other = S.split === "b" ? { slot: "b", part: "hdr" } : { slot: "a", part: "sdr" };
@@ -32,7 +32,7 @@ const laneOf = ({ part, slot }) => part === "sdr" ? "sdr" : part === "hdr" ? slo
 async function gathered(wanted, lane = null) {
   const found = {};
   const one = async ([role, asked]) => { found[role] = await load(asked, lane || laneOf(asked)); };
-  // Two layers share a lane, where the later would overtake the earlier.
+  // Two layers share a lane, where the later request would replace the earlier one.
   const { layer, mask, ...rest } = wanted;
   await Promise.all(Object.entries(rest).map(one));
   for (const entry of Object.entries({ layer, mask })) if (entry[1]) await one(entry);
@@ -54,13 +54,13 @@ export async function show() {
       if (S.playing) return;
     }
   } catch (error) {
-    // What was overtaken by a request of the same turn (another view) is asked for again.
+    // A request replaced by one of the same turn (another view) is sent again.
     if (error instanceof Stale) { if (mine === turn) setTimeout(() => mine === turn && show(), 30); }
     else { busy("frame", false); failed(error); }
   }
 }
 
-// A frame for playing: true when it could be shown at once.
+// Shows a frame while playing; true if it could be shown at once.
 export async function ready(index, lane) {
   await gathered(needs(index, quickScale()), lane);
 }
@@ -91,7 +91,7 @@ function sides() {
   return [left, { ...right, from: screen.split }];
 }
 
-// Draws soon, once however often it is asked for.
+// Schedules one redraw, however often it is called.
 export function paint() {
   busy("drawing", true);
   cancelAnimationFrame(drawing);

@@ -1,16 +1,16 @@
-// What the page knows: facts, the document, and what is looked at; who wants to know is told.
+// The page's state: facts, the document, and the view; listeners are notified of changes.
 
 import { get, post, Refused, Stale } from "./api.js";
 
 export const S = {
   about: null, state: null,
-  index: 0,                       // the frame looked at, from 0
+  index: 0,                       // the frame shown, from 0
   view: "picture", split: "off",  // split: off, sdr, b
-  slot: "a", only: "hdr",         // of the whole picture: hdr or sdr
+  slot: "a", only: "hdr",         // the whole picture: hdr or sdr
   exposure: { hdr: 0, sdr: 0 },
   toneMap: "bt2390", mask: false, lights: false, scope: "waveform", zoom: "fit",
-  scope_of: "clip",               // whom the controls set: clip or shot
-  playing: 0, loop: null,         // frames a step; [first, last] indices
+  scope_of: "clip",               // what the controls set: clip or shot
+  playing: 0, loop: null,         // frames per step; [first, last] indices
 };
 
 const listeners = {};
@@ -21,7 +21,7 @@ export function emit(event) {
   for (const listener of listeners[event] || []) listener();
 }
 
-// Events: frame (another one), look (settings), view (how it is looked at), state (all else).
+// Events: frame (another frame), look (settings), view (viewing options), state (all else).
 export function change(values, event) {
   Object.assign(S, values);
   if (event === "frame") forgiven();
@@ -34,7 +34,7 @@ export function told(text, isError = false) {
   line.classList.toggle("error", isError);
 }
 
-// What was refused is no longer news once something else is looked at.
+// A refusal is cleared once something else is shown.
 function forgiven() {
   if (document.getElementById("status").classList.contains("error")) told("");
 }
@@ -47,7 +47,7 @@ export function failed(error) {
 
 export function take(state) {
   const before = S.state;
-  if (before && state.version < before.version) return;  // an old answer after a newer one
+  if (before && state.version < before.version) return;  // an outdated response
   S.state = state;
   emit("state");
   if (!before || before.version !== state.version) emit("look");
@@ -81,5 +81,5 @@ export async function edit(body) {
 export const number = (index) => index + S.about.first_number;
 export const shotAt = (index) =>
   S.state.document.shots.findIndex((s) => s.first <= number(index) && number(index) <= s.last);
-// One for all that is compared: a picture must not look otherwise because another's peak does.
+// One peak for all pictures compared: none may change its look because another's peak changed.
 export const peak = () => S.state.peak;

@@ -1,4 +1,4 @@
-// The time line: shots as blocks, keyframes as ticks, cuts, the chosen loop, the playhead.
+// The timeline: shots as blocks, keyframes as ticks, cuts, the loop, and the playhead.
 
 import { edit, emit, number, on, S, shotAt } from "./store.js";
 import { go } from "./stage.js";
@@ -87,7 +87,7 @@ export function switchHere() {
   if (at >= 0) edit({ do: "enable", shot: at, on: !S.state.document.shots[at].enabled });
 }
 
-// The first frame of the next shot, or of this one or the one before.
+// The first frame of the next shot, or of this or the previous one.
 export function cut(by) {
   const starts = S.state.document.shots.map((shot) => shot.first - S.about.first_number);
   const found = by > 0 ? starts.find((i) => i > S.index) : starts.findLast((i) => i < S.index);

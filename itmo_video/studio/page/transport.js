@@ -1,4 +1,4 @@
-// Playing: every frame is shown, at the clip's rate where rendering keeps up; a loop is then held.
+// Playback: every frame is shown, at the clip's rate if rendering keeps up; loops are cached.
 
 import { ready, show, showHeld } from "./stage.js";
 import { change, emit, failed, on, S, told } from "./store.js";
@@ -16,7 +16,7 @@ function after(index, step) {
   return next < first ? (S.loop ? last : null) : next;
 }
 
-// Loads the frames to come, one after another: no more than one is asked for at a time.
+// Loads upcoming frames, one request at a time.
 async function feed(mine) {
   let next = S.index;
   while (mine === run) {
@@ -74,11 +74,11 @@ export function pause() {
 }
 
 export const toggle = () => (S.playing ? pause() : play(1));
-// J and L: once more doubles the speed.
+// J and L: pressing again doubles the speed.
 export const shuttle = (sign) =>
   play(Math.sign(S.playing) === sign ? Math.min(8, Math.abs(S.playing) * 2) * sign : sign);
 
-// A loop of two seconds around the frame, inside its shot.
+// A loop of two seconds around the frame, within its shot.
 export function loopHere() {
   if (S.loop) { S.loop = null; emit("state"); return; }
   const half = Math.round(S.about.rate), last = S.about.frames - 1;
@@ -101,6 +101,6 @@ export function openTransport() {
     byId("play").firstElementChild.textContent = S.playing ? "❚❚" : "▶";
     byId("loop").setAttribute("aria-pressed", String(Boolean(S.loop)));
   });
-  // New settings begin the loop anew: what is held was made by the old ones.
+  // New settings restart the loop, as cached frames were rendered with the old ones.
   on("look view", () => { if (S.playing) play(S.playing); });
 }

@@ -1,4 +1,4 @@
-// A contact sheet of variants: all presets, or one setting at six values; one is picked.
+// A contact sheet of variants to choose from: all presets, or one setting at six values.
 
 import { draw } from "viewer/draw.js";
 import { attempt, get, Stale } from "./api.js";

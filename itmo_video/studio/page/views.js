@@ -1,4 +1,4 @@
-// How the frame is looked at: view, compare, exposures, overlays, scope, zoom, the HDR still.
+// Viewing options: view, compare, exposures, overlays, scope, zoom, and the HDR still.
 
 import { change, on, S, told } from "./store.js";
 
@@ -11,7 +11,7 @@ export function setView(view) { change({ view }, "view"); }
 
 export function compare(how) {
   if ((how === "b" || how === "ab") && !S.state.other) {
-    told("There is no B yet: keep the present settings as B first (Shift+B).", true);
+    told("There is no B yet: keep the current settings as B first (Shift+B).", true);
     return;
   }
   const values = { hdr: { split: "off", only: "hdr", slot: "a" }, sdr: { split: "off", only: "sdr", slot: "a" },
@@ -36,15 +36,15 @@ const SCOPES = ["waveform", "histogram", "vectorscope"];
 export const nextScope = () =>
   change({ scope: SCOPES[(SCOPES.indexOf(S.scope) + 1) % 3] }, "view");
 
-// The frame as an AVIF in PQ: what a browser on an HDR display shows as HDR.
+// The frame as an AVIF in PQ, which a browser on an HDR display shows as HDR.
 export function showStill() {
   const image = byId("still"), isOn = image.hidden;
   if (!isOn) { image.hidden = true; image.removeAttribute("src"); update(); return; }
-  told("Making an HDR still …");
+  told("Rendering an HDR still …");
   image.onload = () => { image.hidden = false; update(); told(hasHdr()
-    ? "An HDR still (AVIF, PQ): the display shows HDR."
-    : "An HDR still (AVIF, PQ). This display has no HDR, so the browser tone-maps it."); };
-  image.onerror = () => told("This browser does not show HDR stills (AVIF).", true);
+    ? "HDR still (AVIF, PQ), shown as HDR."
+    : "HDR still (AVIF, PQ). This display is not HDR, so the browser tone-maps it."); };
+  image.onerror = () => told("This browser cannot show HDR stills (AVIF).", true);
   image.src = `api/still.avif?index=${S.index}&slot=${S.slot}&v=${S.state.version}`;
 }
 const hasHdr = () => window.matchMedia("(dynamic-range: high)").matches;
@@ -73,7 +73,7 @@ function update() {
   byId("zoom").textContent = S.zoom === "fit" ? "Fit" : "100 %";
   byId("hdr-still").setAttribute("aria-pressed", String(!byId("still").hidden));
   byId("hdr-still").title = hasHdr() ? "Show this frame in true HDR (H)"
-    : "This display has no HDR: the browser would tone-map the still (H)";
+    : "This display is not HDR: the browser would tone-map the still (H)";
 }
 
 export function openViews() {
