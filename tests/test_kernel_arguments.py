@@ -51,6 +51,7 @@ def light(plane: np.ndarray[Any, Any], **other: Any) -> None:
 
 
 CODES = np.full((6, 8), 100, np.uint8)
+TO_LIGHT = compiled.CodesToLight((None, None), (16, 219, 128, 224), (1.5, 1.8, -0.4, -0.2), None)
 OUT = [np.empty((6, 8), np.float32) for _ in range(3)]
 
 
@@ -59,8 +60,7 @@ def codes(
 ) -> None:
     """Call `ycbcr_rows` with one argument of another kind."""
     compiled.ycbcr_rows(
-        loaded, [plane, CODES, chroma], rows, (None, None), (16, 219, 128, 224),
-        (1.5, 1.8, -0.4, -0.2), None, out,
+        loaded, [plane, CODES, chroma], rows, TO_LIGHT, out,
     )  # fmt: skip
 
 

@@ -14,7 +14,7 @@ from itmo_video.colour.analysis_picture import analysis_guide
 from itmo_video.colour.strips import strips
 from itmo_video.expand_map.key_map import make_key_map
 from itmo_video.kernels import library
-from itmo_video.kernels.compiled import drive, pack_literals, ycbcr_rows
+from itmo_video.kernels.compiled import CodesToLight, drive, pack_literals, ycbcr_rows
 from itmo_video.look import make_look
 from itmo_video.model import Encoding, Frame
 from itmo_video.motion import flow
@@ -164,9 +164,8 @@ def test_power(seed, gamma):
     flat = np.full((1, 64), 32768, np.uint16)
     out = [np.empty((1, 64), np.float32) for _ in range(3)]
     levels = (4096.0, 56064.0, 32768.0, 57344.0)
-    ycbcr_rows(
-        loaded, (codes, flat, flat), slice(0, 1), (None, None), levels, (1, 1, 1, 1), gamma, out
-    )
+    to_light = CodesToLight((None, None), levels, (1, 1, 1, 1), gamma)
+    ycbcr_rows(loaded, (codes, flat, flat), slice(0, 1), to_light, out)
     want = ((codes - 4096.0) / 56064) ** gamma
     np.testing.assert_allclose(out[1], want, rtol=6e-6, atol=1e-15)
     assert out[1][0, 0] == 0

@@ -71,12 +71,11 @@ def strip_to_rgb_linear(frame: Frame, rows: slice, clip: bool, out: Planes) -> N
 def _compiled_to_linear(
     loaded: ctypes.CDLL, frame: Frame, rows: slice, clip: bool, out: Planes
 ) -> None:
-    transfer = frame.encoding.transfer
-    by_power = clip and transfer not in _FROM_ZERO
-    _compiled_strip(loaded, frame, rows, gamma_of(transfer) if by_power else None, out)
-    if not by_power:
+    codes = codes_to_light(frame, clip)
+    compiled.ycbcr_rows(loaded, frame.planes[:3], rows, codes, out)
+    if codes.exponent is None:
         for target in out:
-            _eotf_in_place(target, transfer, clip)
+            _eotf_in_place(target, frame.encoding.transfer, clip)
 
 
 @with_compiled_form(_compiled_to_linear)
@@ -90,17 +89,19 @@ def _ycbcr_to_linear(frame: Frame, rows: slice, clip: bool, out: Planes) -> None
             np.copyto(target, buffer[:, :width])
 
 
-def _compiled_strip(
-    loaded: ctypes.CDLL, frame: Frame, rows: slice, gamma: float | None, out: Planes
-) -> None:
+def codes_to_light(frame: Frame, clip: bool) -> compiled.CodesToLight:
+    """How the kernels read a Y'CbCr frame: to light where that is a power, else to R'G'B'."""
     encoding, (width, height), chroma = frame.encoding, frame.size, frame.planes[1]
     across = None if width <= chroma.shape[1] else siting_offset(encoding.siting, vertical=False)
     down = None if height <= chroma.shape[0] else siting_offset(encoding.siting, vertical=True)
     step = 2.0 ** (encoding.bit_depth - 8)
     chroma_span = 256 * step - 1 if encoding.range == "full" else 224 * step
-    levels = (*encoding.black_and_span, 128 * step, chroma_span)
-    factors = _matrix_factors(encoding.matrix)
-    compiled.ycbcr_rows(loaded, frame.planes[:3], rows, (across, down), levels, factors, gamma, out)
+    return compiled.CodesToLight(
+        (across, down),
+        (*encoding.black_and_span, 128 * step, chroma_span),
+        _matrix_factors(encoding.matrix),
+        gamma_of(encoding.transfer) if clip and encoding.transfer not in _FROM_ZERO else None,
+    )
 
 
 def _matrix_factors(matrix: Matrix) -> tuple[float, float, float, float]:

@@ -8,7 +8,7 @@ from __future__ import annotations
 import ctypes
 import functools
 from collections.abc import Sequence
-from typing import Any, TypeAlias, TypeVar, cast
+from typing import Any, NamedTuple, TypeAlias, TypeVar, cast
 
 import numpy as np
 import numpy.typing as npt
@@ -22,7 +22,7 @@ Half = npt.NDArray[np.float16]
 Indices = npt.NDArray[np.int64]
 
 _BLOCK_ROOM = 2 * 1024 + 32  # HEADER_ROOM for both blocks, zlib's own bytes and the writer's last
-_AT_ONCE = 8  # AT_ONCE in guide.c
+AT_ONCE = 8  # as in upsampling.h
 
 
 def alike(*arrays: npt.NDArray[Any] | None) -> None:
@@ -54,42 +54,63 @@ def pack_literals(loaded: ctypes.CDLL, rows: Bytes2D) -> list[bytes]:
     return [out[a:b].tobytes() for a, b in zip(starts, ends.tolist(), strict=True)]
 
 
+class CodesToLight(NamedTuple):
+    """How Y'CbCr codes stand for R'G'B' or linear light.
+
+    `sites` (across, down) are None where chroma is as large as luma, else chroma.siting_offset's.
+    `levels` are the codes of black and of white above it, then those of no chroma and of chroma's
+    range; `matrix` what Cr adds to red, Cb to blue, Cr to green and Cb to green, for each of its
+    range. With an `exponent` (2 to 4) limited to [0, 1] and raised to it, within 6e-6.
+    """
+
+    sites: tuple[float | None, float | None]
+    levels: tuple[float, float, float, float]
+    matrix: tuple[float, float, float, float]
+    exponent: float | None
+
+    @property
+    def sites_in_halves(self) -> tuple[int, int]:
+        """The sites as C has them: -1 for None, else 0 to 2."""
+        across, down = (-1 if site is None else round(2 * site) for site in self.sites)
+        return across, down
+
+
 def ycbcr_rows(
     loaded: ctypes.CDLL,
     planes: Sequence[Codes],
     rows: slice,
-    sites: tuple[float | None, float | None],
-    levels: tuple[float, float, float, float],
-    matrix: tuple[float, float, float, float],
-    exponent: float | None,
+    codes: CodesToLight,
     out: Sequence[Float32],
 ) -> None:
     """Some rows of a picture's Y'CbCr as R'G'B' into three float32 arrays of (rows, width).
 
-    `planes` are whole, uint8 or uint16, chroma as large as luma or half as wide, and half as high,
-    where `sites` (across, down) are not None but chroma.siting_offset's. `levels` are the codes of
-    black and of white above it, then those of no chroma and of chroma's range; `matrix` what Cr
-    adds to red, Cb to blue, Cr to green and Cb to green, for each of its range. With an `exponent`
-    (2 to 4) limited to [0, 1] and raised to it, within 6e-6. Any strip has the same bytes.
+    `planes` are whole, uint8 or uint16, chroma as large as luma or half as wide, and half as high.
+    Any strip has the same bytes.
     """
-    luma, cb, cr = (_in_lines(plane) for plane in planes)
+    luma, cb, cr = alike_planes(planes, rows)
     height, width = cb.shape
-    if len({plane.dtype for plane in (luma, cb, cr)}) > 1:
-        raise TypeError("luma and chroma have codes of different sizes")
-    alike(cb, cr)
-    _check_rows(rows, luma)
     alike(luma[rows], *out)
     strides = np.array([cb.strides[0], cr.strides[0]], np.int64)
-    across, down = (-1 if site is None else round(2 * site) for site in sites)
+    across, down = codes.sites_in_halves
     scratch = np.empty(5 * width + 2 + luma.shape[1], np.float32)
-    level, factor = np.array(levels, np.float32), np.array(matrix, np.float32)
+    level, factor = np.array(codes.levels, np.float32), np.array(codes.matrix, np.float32)
     loaded.itmo_ycbcr_rows(
         luma, cb, cr,
         luma.strides[0], strides, luma.itemsize,
         luma.shape[1], width, height, rows.start, rows.stop - rows.start, across, down,
-        level, factor, exponent or 0, scratch,
+        level, factor, codes.exponent or 0, scratch,
         *out,
     )  # fmt: skip
+
+
+def alike_planes(planes: Sequence[Codes], rows: slice) -> tuple[Codes, Codes, Codes]:
+    """Luma, Cb and Cr as the loops read them; errors where they or the rows do not fit."""
+    luma, cb, cr = (_in_lines(plane) for plane in planes)
+    if len({plane.dtype for plane in (luma, cb, cr)}) > 1:
+        raise TypeError("luma and chroma have codes of different sizes")
+    alike(cb, cr)
+    _check_rows(rows, luma)
+    return luma, cb, cr
 
 
 def _check_rows(rows: slice, plane: npt.NDArray[Any]) -> None:
@@ -190,11 +211,11 @@ def guide_rows(
     alike(above, parts)
     _check_rows(slice(rows.start, rows.start + len(above)), luma)
     count, (planes, h, w), (height, width) = len(above), small.shape, luma.shape
-    starts, shares = _columns_between(w, width)
+    starts, shares = columns_between(w, width)
     ratio = np.empty((count, width), np.float32) if guards else None
     maps = np.empty(((planes - 2 * guards) // (1 + edge_aware), count, width), np.float32)
     scratch = np.empty(
-        2 * planes * (w + 1) + 5 * width + (planes + 2) * (width + 2 * _AT_ONCE), np.float32
+        2 * planes * (w + 1) + 5 * width + (planes + 2) * (width + 2 * AT_ONCE), np.float32
     )
     black, span = levels
     loaded.itmo_guide_rows(
@@ -242,9 +263,9 @@ def expand(
 
 
 @functools.lru_cache(maxsize=8)
-def _columns_between(small_width: int, width: int) -> tuple[npt.NDArray[np.int32], Float32]:
+def columns_between(small_width: int, width: int) -> tuple[npt.NDArray[np.int32], Float32]:
     """The first column right of the middle of each small one, and each column's share of it."""
-    x = (np.arange(width + _AT_ONCE) + 0.5) * (small_width / width) - 0.5
+    x = (np.arange(width + AT_ONCE) + 0.5) * (small_width / width) - 0.5
     left = np.floor(x)
     starts = np.searchsorted(left[:width], np.arange(-1, small_width + 1)).astype(np.int32)
     return starts, (x - left).astype(np.float32)

@@ -8,7 +8,20 @@ from typing import NamedTuple
 
 import numpy as np
 
-from itmo_video.kernels.compiled import Float32, Half, alike, whole
+from itmo_video.kernels.compiled import (
+    AT_ONCE,
+    Codes,
+    CodesToLight,
+    Float32,
+    Half,
+    Indices,
+    alike,
+    alike_planes,
+    columns_between,
+    whole,
+)
+
+_BLOCK = 64  # places, as in auto_gains.h
 
 
 class GainAuto(NamedTuple):
@@ -23,6 +36,72 @@ class GainAuto(NamedTuple):
     steep: tuple[float, float, float]
     bound: tuple[float, float, float]
     l_max: float
+
+    def as_array(self, unknown: bool) -> Float32:
+        """As C has them; `unknown` where all that clips goes to L'max."""
+        gate, steep, bound, l_max = self
+        return np.array([*gate, *steep, l_max, *bound, float(unknown)], np.float32)
+
+
+class SmallMaps(NamedTuple):
+    """Maps at analysis size, and how rows of the picture lie among them.
+
+    `planes` (p, h, w) hold what frees luminance of texture, two planes, where there are `guards`,
+    and then maps; `numbers` is which of them each of the four maps is, -1 for one that is 0, and
+    `is_known` False where there are no maps. `above` and `parts` tell for each row the row of
+    `planes` above it, and the share of the one below.
+    """
+
+    planes: Float32
+    guards: bool
+    numbers: tuple[int, int, int, int]
+    is_known: bool
+    above: Indices
+    parts: Float32
+
+
+def auto_from_codes(
+    loaded: ctypes.CDLL,
+    planes: Sequence[Codes],
+    rows: slice,
+    codes: CodesToLight,
+    maps: SmallMaps,
+    numbers: GainAuto,
+    strength: float,
+    out: Half,
+) -> None:
+    """`ycbcr_rows`, `guide_rows` and `expand_auto` of some rows in one pass.
+
+    `codes` has an exponent; `out` (3, rows, W) holds three contiguous planes.
+    """
+    luma, cb, cr = alike_planes(planes, rows)
+    (count, height, width), shape = maps.planes.shape, luma.shape
+    if codes.exponent is None or max(maps.numbers) >= count or 2 * maps.guards > count:
+        raise ValueError("codes or maps do not fit")
+    if len(maps.above) != rows.stop - rows.start:
+        raise ValueError(f"{len(maps.above)} rows of maps for {rows.stop - rows.start}")
+    alike(maps.above, maps.parts)
+    alike(luma[rows], *out)
+    starts, shares = columns_between(width, shape[1])
+    black, span = codes.levels[:2]
+    sizes = np.array(
+        [luma.itemsize, shape[1], cb.shape[1], cb.shape[0], rows.start, rows.stop - rows.start,
+         *codes.sites_in_halves, count, height, width, maps.guards], np.int64,
+    )  # fmt: skip
+    light = np.array(
+        [*codes.levels, *codes.matrix, codes.exponent, 1 / span, -black / span, strength],
+        np.float32,
+    )
+    across = (shape[1] + AT_ONCE + _BLOCK) // _BLOCK * _BLOCK
+    room = (5 + count) * (across + _BLOCK) + 2 * count * (width + 1) + cb.shape[1] + 2
+    loaded.itmo_auto_from_codes(
+        luma, cb, cr,
+        luma.strides[0], np.array([cb.strides[0], cr.strides[0]], np.int64), sizes, light,
+        whole(maps.planes), maps.above, maps.parts, starts, shares,
+        np.array(maps.numbers, np.int64), numbers.as_array(not maps.is_known),
+        np.zeros(room, np.float32),
+        *out,
+    )  # fmt: skip
 
 
 def ramps(loaded: ctypes.CDLL, values: Float32, low: float, high: float) -> Float32:
@@ -79,10 +158,7 @@ def _given_to_auto(
     smoothed = None if ratio is None else whole(ratio)
     levels = [None if is_nothing(plane) else whole(plane) for plane in maps] or [None] * 4
     alike(*planes, smoothed, *levels)
-    gate, steep, bound, l_max = numbers
-    unknown = float(not maps)  # all that clips goes to L'max
-    values = np.array([*gate, *steep, l_max, *bound, unknown], np.float32)
-    return [*planes, smoothed, *levels, values]
+    return [*planes, smoothed, *levels, numbers.as_array(not maps)]
 
 
 def is_nothing(plane: Float32) -> bool:

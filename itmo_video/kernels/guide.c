@@ -1,6 +1,6 @@
 /* The guided filter at analysis size, and what it gives brought up to rows of the picture. */
 
-#include "loops.h"
+#include "upsampling.h"
 
 /* Window sums of one row of column sums: `columns` hold w + 2 * radius + 1 for each plane, zeros
    left of the picture (radius + 1) and right of it (radius). */
@@ -83,25 +83,7 @@ CLONED void itmo_guided_coefficients(const float *map, const float *guide, int64
 
 /* ---- maps and the noise guard, brought up to rows of the picture ---- */
 
-enum { AT_ONCE = 8, REACH = 2, WINDOW = 2 * REACH + 1 }; /* WINDOW: the softening's five taps */
-
-/* Each plane's line of w to one of width: between columns i - 1 and i from starts[i] on, AT_ONCE
-   at a time; what is written too far is written again by the next. `lefts` and `steps` hold w + 1
-   for each plane, `out` across. */
-INLINE void widen(const float *lefts, const float *steps, int64_t planes, int64_t w, int64_t across,
-                  const int32_t *starts, const float *shares, float *restrict out)
-{
-    for (int64_t i = 0; i <= w; i++) {
-        int32_t x = starts[i];
-        do
-            for (int64_t p = 0; p < planes; p++) {
-                float left = lefts[p * (w + 1) + i], step = steps[p * (w + 1) + i];
-                for (int k = 0; k < AT_ONCE; k++)
-                    out[p * across + x + k] = left + step * shares[x + k];
-            }
-        while ((x += AT_ONCE) < starts[i + 1]);
-    }
-}
+enum { REACH = 2, WINDOW = 2 * REACH + 1 }; /* WINDOW: the softening's five taps */
 
 /* Where a line of the picture is kept: WINDOW lines in turn. `y` may be down to -REACH. */
 INLINE float *slot(float *lines, int64_t y, int64_t width)
@@ -113,16 +95,8 @@ INLINE float *slot(float *lines, int64_t y, int64_t width)
 INLINE void code_line(const uint8_t *luma, int64_t stride, int64_t bytes, float scale, float offset,
                       int64_t height, int64_t y, int64_t width, float *lines)
 {
-    const uint8_t *narrow = luma + (y < 0 ? 0 : y < height ? y : height - 1) * stride;
-    const uint16_t *wide = (const uint16_t *)narrow;
-    const float *values = (const float *)narrow;
-    float *restrict out = slot(lines, y, width);
-    for (int64_t x = 0; bytes == 1 && x < width; x++)
-        out[x] = FMA((float)narrow[x], scale, offset);
-    for (int64_t x = 0; bytes == 2 && x < width; x++)
-        out[x] = FMA((float)wide[x], scale, offset);
-    for (int64_t x = 0; bytes == 4 && x < width; x++)
-        out[x] = FMA(values[x], scale, offset);
+    const uint8_t *line = luma + (y < 0 ? 0 : y < height ? y : height - 1) * stride;
+    levels_of(line, bytes, scale, offset, width, slot(lines, y, width));
 }
 
 /* See native.guide_rows. */
@@ -144,27 +118,10 @@ CLONED void itmo_guide_rows(const uint8_t *luma, int64_t stride, int64_t bytes, 
         const float *code = slot(lines, y, width);
         if (needs_codes)
             code_line(luma, stride, bytes, scale, offset, height, y + REACH, width, lines);
-        for (int64_t p = 0; p < planes; p++) {
-            const float *upper = small + (p * h + above[row]) * w;
-            const float *lower = above[row] + 1 < h ? upper + w : upper;
-            float part = parts[row], rest = 1 - part;
-            float *restrict left = lefts + p * (w + 1), *restrict step = steps + p * (w + 1);
-            for (int64_t x = 0; x < w; x++)
-                left[x + 1] = upper[x] * rest + lower[x] * part;
-            left[0] = left[1];
-            for (int64_t x = 0; x < w; x++)
-                step[x] = left[x + 1] - left[x];
-            step[w] = 0;
-        }
+        lines_between(small, planes, h, w, above[row], parts[row], lefts, steps);
         widen(lefts, steps, planes, w, across, starts, shares, wide);
-        if (guards) {
-            float *restrict out = ratio + row * width;
-            const float *slope = wide, *offset = wide + across;
-            for (int64_t x = 0; x < width; x++) {
-                float light = code[x] > 0.02f ? code[x] : 0.02f;
-                out[x] = between((slope[x] * code[x] + offset[x]) / light, -0.5f, 1) + 1;
-            }
-        }
+        if (guards)
+            guard_line(wide, wide + across, code, width, ratio + row * width);
         if (!edge_aware) {
             for (int64_t p = after; p < planes; p++)
                 memcpy(maps + ((p - after) * rows + row) * width, wide + p * across,

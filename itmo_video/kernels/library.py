@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-_VERSION = 11  # of the kernels
+_VERSION = 12  # of the kernels
 
 
 class _Array:
@@ -58,6 +58,8 @@ _ARGUMENTS = {
     "guide_rows": "pnnff" + "nnnn" + "Fnnn" + "LFIF" + "nnF" + "FF",
     "gain_banterle2006": "FffnF",
     "gain_auto": "FFF" + "F" + "FFFF" + "Fn" + "FFF",
+    "auto_from_codes": "pppnLLF" + "FLFIF" + "LFF" + "HHH",
+    "halves": "FnH",
     "ramps": "Fff" + "nF",
     "expand_auto": "FFF" + "F" + "FFFF" + "F" + "fn" + "HHH",
     "expand": "FFFFF" + "fffn" + "HHH",

@@ -60,6 +60,12 @@ void itmo_expand_auto(const float *red, const float *green, const float *blue, c
     const float *map_red, const float *map_green, const float *map_blue, const float *map_curve,
     const float *n, float strength, int64_t count, uint16_t *restrict out_red,
     uint16_t *restrict out_green, uint16_t *restrict out_blue);
+void itmo_auto_from_codes(const uint8_t *luma, const uint8_t *cb, const uint8_t *cr,
+    int64_t luma_stride, const int64_t *chroma_strides, const int64_t *sizes, const float *light,
+    const float *small, const int64_t *above, const float *parts, const int32_t *starts,
+    const float *shares, const int64_t *which, const float *n, float *scratch,
+    uint16_t *out_red, uint16_t *out_green, uint16_t *out_blue);
+void itmo_halves(const float *values, int64_t count, uint16_t *restrict out);
 void itmo_expand(const float *red, const float *green, const float *blue, const float *gain,
     const float *map, float base, float strength, float rest, int64_t count, uint16_t *red_out,
     uint16_t *green_out, uint16_t *blue_out);

@@ -214,6 +214,10 @@ class AutoOperator:
             for part in weighed(gain, [], 1, strength)
         ]
 
+    def numbers(self, context: Context) -> compiled_auto.GainAuto:
+        """Gates and bounds of `gain_auto`, for the compiled passes."""
+        return _numbers(context)
+
     def expand(
         self,
         rgb: Sequence[Float32],

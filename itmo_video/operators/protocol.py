@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Literal, Protocol, runtime_checkable
 
+from itmo_video.kernels.compiled_auto import GainAuto
 from itmo_video.model import Float32, Half
 from itmo_video.operators.base import Context, Guard, Parameter
 
@@ -95,6 +96,9 @@ class Operator(Protocol):
 @runtime_checkable
 class WritesHalves(Protocol):
     """An operator that has `gains` times the picture in one pass: what is asked of most frames."""
+
+    def numbers(self, context: Context) -> GainAuto:
+        """What the compiled pass from codes to halves needs to know."""
 
     def expand(
         self,

@@ -20,6 +20,7 @@ from itmo_video.operators import LuminanceOperator
 from itmo_video.operators.luminance_operator import weighed
 from itmo_video.operators.protocol import WritesHalves
 from itmo_video.rendering.guidance import Guidance
+from itmo_video.rendering.strip import expand_strip
 
 HALF_MAX = 65504.0
 _LEAST_FOR_CV2 = 64  # cv2 takes arrays of up to four elements for scalars
@@ -72,6 +73,9 @@ def render(
     part, more = min(settings.strength, 1.0), max(settings.strength - 1, 0.0)
     is_plain = not (limit or layers or more) and alpha is None and matrix is None
     for rows in strips(height):
+        if is_plain and isinstance(operator, WritesHalves):
+            expand_strip(frame, rows, guidance, operator, context, part, out[:, rows])
+            continue
         rgb = strip_buffers(rows, width)
         linear_light.strip_to_rgb_linear(frame, rows, clip, rgb)
         maps, denoise = guidance.rows(rows)
@@ -80,9 +84,6 @@ def render(
             gain = operator.gain(limited_luminance(rgb, denoise), context)
             base = operator.base_gain(context)
             expand(rgb, gain, maps[0], base, part, out[:, rows])
-            continue
-        if is_plain and isinstance(operator, WritesHalves):
-            operator.expand(rgb, denoise, maps, context, part, out[:, rows])
             continue
         gains = operator.gains(rgb, denoise, maps, context, part)
         if more:

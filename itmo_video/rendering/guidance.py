@@ -13,7 +13,7 @@ import numpy as np
 
 from itmo_video.colour.analysis_picture import guide_codes
 from itmo_video.expand_map import density
-from itmo_video.kernels import compiled
+from itmo_video.kernels import compiled, compiled_auto
 from itmo_video.kernels.dispatch import with_compiled_form
 from itmo_video.model import Code, Float32, Frame
 from itmo_video.operators.base import GRAIN, Guard
@@ -119,6 +119,28 @@ class Guidance:
         for number in zeros:
             maps.insert(number, np.broadcast_to(np.float32(0), shape))
         return maps, ratio
+
+    def small_maps(self, rows: slice) -> compiled_auto.SmallMaps | None:
+        """What `rows` brings up, for a kernel that does it by itself; None where it cannot.
+
+        None where `rows` is done plainly, and for maps that follow the picture's edges.
+        """
+        small = self._small
+        if self._plainly or self._edge_aware or self._frame.encoding.family != "ycbcr":
+            return None
+        if small is None:
+            small = np.zeros((0, 1, 1), np.float32)
+        guards = 2 * self._guards
+        known = len(small) - guards
+        if known not in (0, 4):
+            return None
+        small, zeros = self._without_zeros(small, rows)
+        above, _, part, _ = guided_upsampling.rows_between(
+            rows.start, rows.stop, small.shape[1], self._frame.size[1]
+        )
+        left = iter(range(guards, len(small)))
+        a, b, c, d = (-1 if m >= known or m in zeros else next(left) for m in range(4))
+        return compiled_auto.SmallMaps(small, self._guards, (a, b, c, d), known > 0, above, part)
 
     def _without_zeros(self, small: Float32, rows: slice) -> tuple[Float32, tuple[int, ...]]:
         """The planes that say something of these rows, and the numbers of the maps that do not."""

@@ -1,0 +1,108 @@
+/* Y'CbCr codes to linear light, a line at a time: what several kernels begin with. */
+
+#ifndef ITMO_LIGHT_H
+#define ITMO_LIGHT_H
+
+#include "numbers.h"
+
+/* x to the power g, for x from 1e-8 to 1 and g from 1 to 4, within 6e-6, and 1 of 1.
+
+   2 to the power g log2 x. The logarithm of a mantissa m around 1 by its series in (m - 1) / (m + 1),
+   the power of a fraction by its own; fma is the same on every machine. */
+INLINE float power(float x, float g)
+{
+    int32_t bits, mantissa_bits;
+    float mantissa;
+    memcpy(&bits, &x, 4);
+    int32_t exponent = (bits - 0x3f3504f3) >> 23; /* the mantissa between the roots of 1/2 and 2 */
+    mantissa_bits = bits - exponent * (1 << 23);
+    memcpy(&mantissa, &mantissa_bits, 4);
+    float s = (mantissa - 1) / (mantissa + 1), q = s * s;
+    float series = FMA(FMA(FMA(FMA(0.32059889f, q, 0.41219859f), q, 0.57707802f), q, 0.96179669f),
+                        q, 2.88539008f);
+    float whole_and_rest = g * FMA(s, series, (float)exponent);
+    /* The nearest whole, as none is above 0. */
+    return two_to(whole_and_rest, (int32_t)(whole_and_rest - 0.5f));
+}
+
+/* One line of codes, (code * own + other * share - black) / span for a line and its neighbour. */
+INLINE void line_of(const uint8_t *here, const uint8_t *neighbour, int64_t width, int64_t bytes,
+                    float share, float black, float span, float *restrict out)
+{
+    float own = 1 - share;
+    if (bytes == 1)
+        for (int64_t x = 0; x < width; x++)
+            out[x] = ((float)here[x] * own + (float)neighbour[x] * share - black) / span;
+    else {
+        const uint16_t *wide = (const uint16_t *)here, *beside = (const uint16_t *)neighbour;
+        for (int64_t x = 0; x < width; x++)
+            out[x] = ((float)wide[x] * own + (float)beside[x] * share - black) / span;
+    }
+}
+
+INLINE void to_rgb(const float *y, const float *cb, const float *cr, const float *matrix, int64_t width,
+                   float *restrict red, float *restrict green, float *restrict blue)
+{
+    float cr_red = matrix[0], cb_blue = matrix[1], cr_green = matrix[2], cb_green = matrix[3];
+    for (int64_t x = 0; x < width; x++) {
+        red[x] = cr[x] * cr_red + y[x];
+        blue[x] = cb[x] * cb_blue + y[x];
+        green[x] = cb[x] * cb_green + (cr[x] * cr_green + y[x]);
+    }
+}
+
+INLINE void to_light(float *restrict values, int64_t width, float exponent)
+{
+    for (int64_t x = 0; x < width; x++) {
+        float light = power(between(values[x], 1e-8f, 1), exponent);
+        values[x] = light > 1e-15f ? light : 0;
+    }
+}
+
+/* One line to twice as many, by the shares that even places have of the one before and odd ones of
+   the one behind; `line` has a place more at either end. */
+INLINE void double_line(const float *line, int64_t width, float before, float behind,
+                        float *restrict out)
+{
+    for (int64_t x = 0; x < width; x++) {
+        out[2 * x] = line[x + 1] * (1 - before) + line[x] * before;
+        out[2 * x + 1] = line[x + 1] * (1 - behind) + line[x + 2] * behind;
+    }
+}
+
+/* How far even and odd places lean on the sample before and on the one behind, by the siting. */
+static const float LEAN_BEFORE[3] = {0, 0.25f, 0.5f}, LEAN_BEHIND[3] = {0.5f, 0.25f, 0};
+
+/* A picture in Y'CbCr: `bytes` of a code, chroma sited as compiled.ycbcr_rows has it. */
+typedef struct {
+    const uint8_t *luma, *chroma[2];
+    int64_t luma_stride, chroma_strides[2], bytes, width, chroma_width, chroma_height, site_x, site_y;
+    const float *levels;
+} Picture;
+
+/* Line `at` of the picture: luma into `y`, chroma as wide into `wide`; `line` holds chroma_width + 2. */
+INLINE void code_lines(const Picture *p, int64_t at, float *line, float *y, float *const *wide)
+{
+    int64_t here = p->site_y < 0 ? at : at / 2, beside = here;
+    float share = 0;
+    if (p->site_y >= 0) {
+        share = at % 2 ? LEAN_BEHIND[p->site_y] : LEAN_BEFORE[p->site_y];
+        beside = at % 2 ? here + 1 : here - 1;
+        beside = beside < 0 ? 0 : beside < p->chroma_height ? beside : p->chroma_height - 1;
+    }
+    for (int c = 0; c < 2; c++) {
+        const uint8_t *plane = p->chroma[c];
+        int64_t stride = p->chroma_strides[c];
+        line_of(plane + here * stride, plane + beside * stride, p->chroma_width, p->bytes, share,
+                p->levels[2], p->levels[3], p->site_x < 0 ? wide[c] : line + 1);
+        if (p->site_x < 0)
+            continue;
+        line[0] = line[1];
+        line[p->chroma_width + 1] = line[p->chroma_width];
+        double_line(line, p->chroma_width, LEAN_BEFORE[p->site_x], LEAN_BEHIND[p->site_x], wide[c]);
+    }
+    const uint8_t *codes = p->luma + at * p->luma_stride;
+    line_of(codes, codes, p->width, p->bytes, 0, p->levels[0], p->levels[1], y);
+}
+
+#endif

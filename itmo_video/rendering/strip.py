@@ -1,0 +1,67 @@
+"""A strip of a frame from codes to half floats, by an operator that writes halves itself."""
+
+from __future__ import annotations
+
+import ctypes
+
+from itmo_video.colour import linear_light
+from itmo_video.colour.strips import strip_buffers
+from itmo_video.kernels import compiled_auto
+from itmo_video.kernels.dispatch import with_compiled_form
+from itmo_video.model import Frame, Half
+from itmo_video.operators.base import Context
+from itmo_video.operators.protocol import WritesHalves
+from itmo_video.rendering.guidance import Guidance
+
+
+def expand_in_steps(
+    frame: Frame,
+    rows: slice,
+    guidance: Guidance,
+    operator: WritesHalves,
+    context: Context,
+    strength: float,
+    out: Half,
+) -> None:
+    """`expand_strip`, each step by a kernel of its own."""
+    rgb = strip_buffers(rows, frame.size[0])
+    linear_light.strip_to_rgb_linear(frame, rows, True, rgb)
+    maps, ratio = guidance.rows(rows)
+    operator.expand(rgb, ratio, maps, context, strength, out)
+
+
+def _compiled_strip(
+    loaded: ctypes.CDLL,
+    frame: Frame,
+    rows: slice,
+    guidance: Guidance,
+    operator: WritesHalves,
+    context: Context,
+    strength: float,
+    out: Half,
+) -> None:
+    maps = guidance.small_maps(rows)
+    codes = None if maps is None else linear_light.codes_to_light(frame, clip=True)
+    if maps is None or codes is None or codes.exponent is None:
+        expand_in_steps(frame, rows, guidance, operator, context, strength, out)
+        return
+    compiled_auto.auto_from_codes(
+        loaded, frame.planes[:3], rows, codes, maps, operator.numbers(context), strength, out
+    )
+
+
+@with_compiled_form(_compiled_strip)
+def expand_strip(
+    frame: Frame,
+    rows: slice,
+    guidance: Guidance,
+    operator: WritesHalves,
+    context: Context,
+    strength: float,
+    out: Half,
+) -> None:
+    """Some rows of a frame, limited to [0, 1], by the operator: halves into `out` (3, rows, W).
+
+    Compiled it is one pass over the codes, where their light is a power of them, to the same bytes.
+    """
+    expand_in_steps(frame, rows, guidance, operator, context, strength, out)
