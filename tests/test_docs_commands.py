@@ -71,8 +71,9 @@ def shorter(command: str) -> str:
 
 def written_by(words: list[str]) -> list[str]:
     """The files that a command writes, as it names them."""
-    made = [words[2]] if words[0] == "preview" and words[2] != "-" else []
-    return made + [b for a, b in itertools.pairwise(words) if a in WRITTEN_BY]
+    if words[0] == "preview":
+        return [words[2]] if words[2] != "-" else []
+    return [b for a, b in itertools.pairwise(words) if a in WRITTEN_BY]
 
 
 @pytest.fixture(scope="module")

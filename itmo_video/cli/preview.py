@@ -50,7 +50,7 @@ def add_preview(commands: Any) -> None:
     view = parser.add_argument_group("view")
     add_options(view, PreviewOptions, OF_VIEW)
     coding = parser.add_argument_group("encoding")
-    add_options(coding, PreviewOptions, OF_ENCODING)
+    add_options(coding, PreviewOptions, (*OF_ENCODING, "hdr10plus"))
     add_settings(parser)
     group = parser.add_argument_group("run")
     add_options(group, RunOptions, OF_PREVIEW)

@@ -29,6 +29,7 @@ from itmo_video.delivery.film_spec import (
 )
 from itmo_video.delivery.hdr import Light, YCbCr
 from itmo_video.delivery.log_curves import TOLD
+from itmo_video.delivery.messages import with_message
 from itmo_video.delivery.sound import Sound
 from itmo_video.delivery.svt_av1 import svt_as_guest
 from itmo_video.errors import ItmoError, OutputError
@@ -71,6 +72,7 @@ class FilmWriter:
         self._last_pts: int | None = None
         self._frames = 0
         self._lengths: dict[int, int] = {}
+        self._messages: dict[int, bytes] = {}
         self._end_s: Fraction | None = None
         muxer = MUXERS[path.suffix.lower()]
         # A check sum of Matroska's would not know of the completed metadata.
@@ -107,8 +109,17 @@ class FilmWriter:
     ) -> None:
         self.close()
 
-    def write(self, planes: YCbCr, time_s: Fraction, duration_s: Fraction | None = None) -> None:
-        """Encode one frame, to be shown from `time_s` on; frames come in rising time."""
+    def write(
+        self,
+        planes: YCbCr,
+        time_s: Fraction,
+        duration_s: Fraction | None = None,
+        message: bytes | None = None,
+    ) -> None:
+        """Encode one frame, to be shown from `time_s` on; frames come in rising time.
+
+        `message` is of ITU-T T.35 and goes with the frame (HEVC and AV1).
+        """
         spec = self.spec
         frame = frame_of(planes, pixel_format(spec.chroma))
         frame.pts = round((time_s - self._start_s) / spec.time_base)
@@ -119,6 +130,8 @@ class FilmWriter:
         length = duration_s if duration_s is not None else 1 / spec.frame_rate
         frame.duration = max(1, round(length / spec.time_base))
         self._lengths[frame.pts] = frame.duration
+        if message is not None:
+            self._messages[frame.pts] = message
         self._frames += 1
         self._end_s = time_s + length
         tag_signal(frame, spec.signal)
@@ -182,7 +195,8 @@ class FilmWriter:
         self._sound = source.packets()
 
     def _mux(self, packets: list[Any]) -> None:
-        for packet in packets:
+        for encoded in packets:
+            packet = self._with_message(encoded)
             if packet.pts is not None:
                 if self.spec.codec == "hevc" and self._frames <= _X265_REORDERS:
                     packet.dts = packet.pts
@@ -190,6 +204,17 @@ class FilmWriter:
                 packet.duration = self._lengths.pop(packet.pts, packet.duration)
                 self._mux_sound(packet.pts * Fraction(packet.time_base) + self._start_s)
             self._box.mux(packet)
+
+    def _with_message(self, packet: Any) -> Any:
+        message = self._messages.pop(packet.pts, None)
+        if message is None:
+            return packet
+        assert self.spec.codec == "hevc" or self.spec.codec == "av1"
+        out: Any = av.Packet(with_message(bytes(packet), message, self.spec.codec))
+        out.pts, out.dts, out.time_base = packet.pts, packet.dts, packet.time_base
+        out.duration, out.is_keyframe = packet.duration, packet.is_keyframe
+        out.stream = self._stream
+        return out
 
     def _mux_sound(self, until_s: Fraction | None) -> None:
         """Copy the sound's packets that begin before `until_s` (source time)."""

@@ -19,6 +19,7 @@ from itmo_video.delivery.film_spec import (
 )
 from itmo_video.delivery.film_writer import FilmWriter
 from itmo_video.delivery.hdr import Light
+from itmo_video.delivery.hdr10plus import checked_length, read_hdr10plus
 from itmo_video.delivery.pictures import Pictures
 from itmo_video.delivery.preview_options import PreviewOptions
 from itmo_video.delivery.sound import source_time_base
@@ -58,6 +59,7 @@ def write_film(
     )  # fmt: skip
     if not is_y4m(output):
         check_film(output, spec)
+    messages = _messages(pictures, options)
     shown = pictures.mapped(lambda picture: shown_frame(picture, pictures, options, chroma))
     count, light = 0, _NO_LIGHT
     try:
@@ -71,7 +73,7 @@ def write_film(
                 on_event(Warned(notice))
             try:
                 for frame, length in _with_durations(first, shown, pictures.last_length_s):
-                    writer.write(frame.planes, frame.time_s, length)
+                    writer.write(frame.planes, frame.time_s, length, messages.get(frame.number))
                     count, light = count + 1, hdr.film_light((light, frame.light))
                     on_event(FrameDone(frame.number, count, len(pictures.numbers)))
                 writer.finish(light)
@@ -106,6 +108,20 @@ def _writer(
     )  # fmt: skip
 
 
+def _messages(pictures: Pictures, options: PreviewOptions) -> dict[int, bytes]:
+    """HDR10+ of each frame by its number, where a file of it is given."""
+    if options.hdr10plus is None:
+        return {}
+    if not pictures.numbers:
+        raise UsageError(
+            "a pipe does not say how many frames HDR10+ metadata must be for",
+            remedy="Give the clip as a file.",
+        )
+    messages = read_hdr10plus(options.hdr10plus)
+    checked_length(messages, len(pictures.numbers), options.hdr10plus)
+    return dict(zip(pictures.numbers, messages, strict=True))
+
+
 def crf_of(options: PreviewOptions) -> float | None:
     """The number that `high` stands for, or the one that was given."""
     # ProRes is of high quality without being asked.
@@ -114,6 +130,17 @@ def crf_of(options: PreviewOptions) -> float | None:
 
 def check_film_options(output: Path, options: PreviewOptions) -> None:
     """Raise UsageError for options that the kind of film has no use for."""
+    if options.hdr10plus is not None:
+        if options.view != "hdr10" or options.display_peak is not None:
+            raise UsageError(
+                "HDR10+ metadata is of the HDR10 film as it was analysed",
+                remedy="Omit --hdr10plus, or take --as hdr10 without --display-peak.",
+            )
+        if is_y4m(output) or options.codec not in ("av1", "hevc"):
+            raise UsageError(
+                "HDR10+ metadata goes into AV1 and HEVC streams only",
+                remedy="Omit --hdr10plus, or take --codec hevc.",
+            )
     if not is_y4m(output):
         if options.depth != "10":
             raise UsageError("films have 10 bits", remedy="8 bits are for .y4m.")

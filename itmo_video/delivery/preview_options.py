@@ -97,6 +97,12 @@ class PreviewOptions:
     speed: str | None = option(
         None, str, "encoder preset (av1: 0 slow to 13 fast, 5; hevc: fast)", metavar="PRESET"
     )
+    hdr10plus: Path | None = option(
+        None,
+        Path,
+        "hdr10: put HDR10+ metadata of `analyse --hdr10plus` into the stream (av1, hevc)",
+        metavar="FILE.json",
+    )
 
     def __post_init__(self) -> None:
         check_options(self)

@@ -27,6 +27,8 @@ _NO_LIGHT = Light(0.0, 0.0)
 
 def check_still_options(suffix: str, options: PreviewOptions) -> None:
     """Raise UsageError for views that the kind of still does not hold."""
+    if options.hdr10plus is not None:
+        raise UsageError("HDR10+ metadata is for films", remedy="Omit --hdr10plus.")
     if signal_of(options) in ("acescct", "logc3"):
         raise UsageError("log is for films", remedy="Name it film.mov; or take --as hdr10.")
     if suffix == ".avif" and signal_of(options) == "sdr":

@@ -102,8 +102,17 @@ class Y4mWriter:
     ) -> None:
         self.close()
 
-    def write(self, planes: YCbCr, time_s: Fraction, duration_s: Fraction | None = None) -> None:
-        """Write one frame; raises ReaderLeftError where nobody reads any more."""
+    def write(
+        self,
+        planes: YCbCr,
+        time_s: Fraction,
+        duration_s: Fraction | None = None,
+        message: bytes | None = None,
+    ) -> None:
+        """Write one frame; raises ReaderLeftError where nobody reads any more.
+
+        y4m has no place for times and messages.
+        """
         for piece in self._spec.frame(planes):
             self._put(piece)
 
