@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-_VERSION = 12  # of the kernels
+_VERSION = 13  # of the kernels
 
 
 class _Array:
@@ -59,6 +59,8 @@ _ARGUMENTS = {
     "gain_banterle2006": "FffnF",
     "gain_auto": "FFF" + "F" + "FFFF" + "Fn" + "FFF",
     "auto_from_codes": "pppnLLF" + "FLFIF" + "LFF" + "HHH",
+    "add_weighed": "FFnnF",
+    "blend": "FFFnnF",
     "halves": "FnH",
     "ramps": "Fff" + "nF",
     "expand_auto": "FFF" + "F" + "FFFF" + "F" + "fn" + "HHH",

@@ -65,6 +65,10 @@ void itmo_auto_from_codes(const uint8_t *luma, const uint8_t *cb, const uint8_t 
     const float *small, const int64_t *above, const float *parts, const int32_t *starts,
     const float *shares, const int64_t *which, const float *n, float *scratch,
     uint16_t *out_red, uint16_t *out_green, uint16_t *out_blue);
+void itmo_add_weighed(const float *values, const float *weight, int64_t count, int64_t channels,
+    float *restrict total);
+void itmo_blend(const float *left, const float *right, const float *share, int64_t count,
+    int64_t channels, float *restrict out);
 void itmo_halves(const float *values, int64_t count, uint16_t *restrict out);
 void itmo_expand(const float *red, const float *green, const float *blue, const float *gain,
     const float *map, float base, float strength, float rest, int64_t count, uint16_t *red_out,

@@ -2,5 +2,5 @@
 
 int itmo_version(void)
 {
-    return 12;
+    return 13;
 }

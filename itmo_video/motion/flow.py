@@ -13,7 +13,7 @@ from collections.abc import Callable, Sequence
 import cv2
 import numpy as np
 
-from itmo_video.kernels import compiled
+from itmo_video.kernels import compiled, compiled_maps
 from itmo_video.kernels.dispatch import with_compiled_form
 from itmo_video.model import Code, Float32, Float64
 
@@ -160,15 +160,24 @@ def blend_maps(
 ) -> Float32:
     """Two maps seen from one frame, by time (t from 0 at left to 1 at right) and agreement."""
     a, b = np.float32(1 - t) * w_left, np.float32(t) * w_right
-    blended = right - left
-    blended *= spread(np.asarray(b / (a + b), np.float32), left)
-    blended += left
-    return blended
+    share = np.asarray(b / (a + b), np.float32)
+    return _blend(left, right, np.broadcast_to(share, left.shape[:2]))
 
 
-def spread(weight: Float32 | float, values: Float32) -> Float32 | float:
+@with_compiled_form(compiled_maps.blend)
+def _blend(left: Float32, right: Float32, share: Float32) -> Float32:
+    return np.asarray((right - left) * spread(share, left) + left, np.float32)
+
+
+@with_compiled_form(compiled_maps.add_weighed)
+def add_weighed(total: Float32, values: Float32, weight: Float32) -> None:
+    """Add a map times a weight to another, in place: (H, W) or (H, W, C), the weight (H, W)."""
+    total += values * spread(weight, values)
+
+
+def spread(weight: Float32, values: Float32) -> Float32:
     """A weight (H, W) as it multiplies maps of several channels, (H, W, C)."""
-    if not isinstance(weight, np.ndarray) or weight.ndim in (0, values.ndim):
+    if weight.ndim == values.ndim:
         return weight
     return np.asarray(cv2.merge([weight] * values.shape[2]))  # faster than broadcasting
 

@@ -66,7 +66,7 @@ def smooth_map(keys: Sequence[Key], at: int, reach: int) -> Float32:
     """
     centre = keys[at]
     total = centre.raw_map.result().copy()
-    weight = np.ones_like(total)
+    weight = np.ones(total.shape[:2], np.float32)
     for step in (-1, 1):
         flow: Float32 | None = None
         stop = max(-1, at - reach - 1) if step < 0 else min(len(keys), at + reach + 1)
@@ -75,12 +75,11 @@ def smooth_map(keys: Sequence[Key], at: int, reach: int) -> Float32:
             link = behind.to_previous if step < 0 else behind.to_next
             assert link is not None
             flow = link.result() if flow is None else flow_room.compose(flow, link.result())
-            agreement = flow_room.spread(
-                flow_room.agreement(centre.grey, keys[i].grey, flow), total
-            )
-            total += agreement * flow_room.warp(keys[i].raw_map.result(), flow)
+            agreement = flow_room.agreement(centre.grey, keys[i].grey, flow)
+            flow_room.add_weighed(total, flow_room.warp(keys[i].raw_map.result(), flow), agreement)
             weight += agreement
-    return total / weight
+    total /= flow_room.spread(weight, total)
+    return total
 
 
 def spans(
