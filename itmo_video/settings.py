@@ -189,7 +189,8 @@ class Settings:
             raise UsageError(f"lights must be a power of two, not {self.lights}")
         if unknown := [name for name in self.layers if name not in LAYERS]:
             raise UsageError(
-                f"layers: unknown {', '.join(unknown)}", remedy=f"Known: {', '.join(LAYERS)}"
+                f"layers: unknown {', '.join(map(str, unknown))}",
+                remedy=f"Known: {', '.join(LAYERS)}",
             )
         if self.l_max is None and self.peak_nits < self.white_nits:
             raise UsageError(

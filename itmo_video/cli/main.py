@@ -19,7 +19,7 @@ from itmo_video.cli.evaluate import add_evaluate
 from itmo_video.cli.info import add_info
 from itmo_video.cli.log_file import LogFile
 from itmo_video.cli.manual import add_manual
-from itmo_video.cli.outcome import interrupted, out_of_memory, reported, unexpected
+from itmo_video.cli.outcome import Terminated, interrupted, out_of_memory, reported, unexpected
 from itmo_video.cli.preview import add_preview
 from itmo_video.cli.report import add_report
 from itmo_video.cli.streams import lost_output, with_streams
@@ -31,10 +31,6 @@ from itmo_video.errors import ItmoError, UsageError
 class _Parser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
         raise UsageError(message, remedy=f"See `{self.prog} --help`.")
-
-
-class _Terminated(BaseException):
-    """SIGTERM came."""
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -65,7 +61,7 @@ def _run(said: Sequence[str], log: list[LogFile], closing: ExitStack) -> int:
         return reported(error, *log)
     except KeyboardInterrupt:
         return interrupted(130)
-    except _Terminated:
+    except Terminated:
         return interrupted(143)
     except MemoryError:
         return out_of_memory()
@@ -88,7 +84,7 @@ def run() -> NoReturn:
 
 
 def _on_sigterm(signum: int, frame: FrameType | None) -> None:
-    raise _Terminated
+    raise Terminated
 
 
 def _parser() -> argparse.ArgumentParser:

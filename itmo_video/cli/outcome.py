@@ -11,6 +11,10 @@ from itmo_video.cli.terminal import named
 from itmo_video.errors import ItmoError
 
 
+class Terminated(BaseException):
+    """SIGTERM came."""
+
+
 def reported(error: ItmoError, log: LogFile | None = None) -> int:
     """Print an error, and log it; returns its exit code."""
     debug()

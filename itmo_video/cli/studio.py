@@ -8,6 +8,7 @@ from typing import Any
 
 from itmo_video.cli.config_file import preset_of, said, tell_config
 from itmo_video.cli.option_flags import add_options, options_of
+from itmo_video.cli.outcome import Terminated
 from itmo_video.cli.settings_flags import add_settings
 from itmo_video.conversion.run_options import RunOptions
 from itmo_video.settings import Settings
@@ -48,6 +49,13 @@ def _run(args: argparse.Namespace) -> int:
     document = Document(preset_of(args), said(args, Settings), run.analysis)
     try:
         serve(args.clip, document, options, run, on_ready)
-    except KeyboardInterrupt:
-        print("itmo-video: the studio is closed", file=sys.stderr)  # its usual end
+    except KeyboardInterrupt:  # its usual end
+        return _closed(0)
+    except Terminated:
+        return _closed(143)
     return 0
+
+
+def _closed(code: int) -> int:
+    print("itmo-video: the studio is closed", file=sys.stderr)
+    return code

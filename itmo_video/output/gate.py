@@ -104,7 +104,11 @@ class Gate:
         """Put `data` there whole, by way of a temporary file; returns its size in bytes."""
         temp = temp_path(self.path.absolute())
         try:
-            size = write_whole(temp, data)
+            try:
+                size = write_whole(temp, data)
+            except OutputError as error:  # of the file that is wanted, not of its temporary name
+                error = OutputError(error.what, where=os.fspath(self.path), remedy=error.remedy)
+                raise error from None
             self.put(temp)
         finally:
             with suppress(OSError):

@@ -10,6 +10,7 @@ from itmo_video.options import flag_of, spec_of
 from itmo_video.presets import load_preset, preset_names, read_preset
 from itmo_video.settings import LOOK, Settings
 from itmo_video.studio import variants
+from itmo_video.studio.document import OF_OPENING
 
 # The group of each setting on the page; a setting not named here appears under "More".
 GROUPS: dict[str, tuple[str, ...]] = {
@@ -21,8 +22,6 @@ GROUPS: dict[str, tuple[str, ...]] = {
     "Source": ("transfer", "matrix", "range", "over_white", "projection", "force_sdr"),
     "File": ("primaries", "compression", "layers", "owner", "comments", "timecode"),
 }  # fmt: skip
-# These change the set of frames, which the timeline of an open clip cannot follow.
-LEFT_OUT = ("fps", "deinterlace", "stream", "raw")
 
 
 def controls() -> list[dict[str, Any]]:
@@ -31,7 +30,7 @@ def controls() -> list[dict[str, Any]]:
     order = [name for names in GROUPS.values() for name in names]
     found = []
     for f in dataclasses.fields(Settings):
-        if f.name in LEFT_OUT:
+        if f.name in OF_OPENING:
             continue
         spec = spec_of(f)
         default = f.default

@@ -12,9 +12,10 @@ from typing import Any
 from itmo_video.analysis.analyse import analyse
 from itmo_video.analysis.model import Analysis
 from itmo_video.conversion.run_options import RunOptions
-from itmo_video.errors import InputError, ItmoError, UsageError
+from itmo_video.errors import ItmoError, UsageError
 from itmo_video.events import Event, FrameDone
 from itmo_video.model import ClipInfo
+from itmo_video.settings import Settings
 from itmo_video.source.clip import first_number
 from itmo_video.source.opening import input_files, input_options
 from itmo_video.studio import document as documents
@@ -45,7 +46,7 @@ class Desk:
         self._session = Session(source, input_options(document.settings, run.max_pixels))
         self.info: ClipInfo = self._session.clip.info
         self.first_number = first_number(self.info, run.start_number)
-        self.history = History(document)
+        self.opened, self.history = document, History(document)
         self.version = 1
         self.other: Document | None = None
         self.saver, self.runner = Saver(folder, input_files(source)), Runner()
@@ -84,33 +85,47 @@ class Desk:
     # Pictures
 
     def picture(
-        self, index: int, slot: str, part: str, scale: int, lane: str
-    ) -> tuple[int, Future[Shown]]:
-        """The version of the current settings, and a frame rendered with them."""
+        self, index: int, slot: str, part: str, scale: int, lane: str, page: str = ""
+    ) -> tuple[str, Future[Shown]]:
+        """A key of what a frame depends on, and the frame rendered with the current settings.
+
+        The key is a version of the settings; for SDR, of what reading the source depends on.
+        """
         with self._lock:
             version, document = self.version, self._in_slot(slot)
-        return version, self._shown(index, document, part, scale, lane)
+        shown = self._shown(index, document, part, scale, lane, page)
+        return document.source_key(index, self.info) if part == "sdr" else str(version), shown
 
     def attempt(
-        self, index: int, preset: str | None, values: Mapping[str, Any], scale: int
+        self, index: int, preset: object, values: Mapping[str, Any], scale: int, page: str = ""
     ) -> Future[Shown]:
         """A frame rendered with another preset, or with `values` on top of the settings."""
         with self._lock:
             document = self.history.now
         if preset is not None:
-            document = documents.with_preset(document, preset)
+            document = documents.with_preset(document, preset, self.opened)
         document = documents.set_values(document, values, None)
         _ = document.look
-        return self._shown(index, document, "hdr", scale, "try")
+        return self._shown(index, document, "hdr", scale, "try", page)
 
-    def lights(self, index: int, slot: str) -> Future[list[tuple[float, float]]]:
+    def lights(self, index: int, slot: str, page: str = "") -> Future[list[tuple[float, float]]]:
         """The median-cut lights of a frame as points (x, y), 0 to 1 across the picture."""
-        look = self._in_slot(slot).look
         self._check_index(index)
-        return self._latest.submit("lights", lambda stale: self._session.lights(index, look))
+        document = self._in_slot(slot)
+        look, own = document.look, document.look_at(index, self.info)
+
+        def work(stale: Stale) -> list[tuple[float, float]]:
+            return self._session.lights(index, look, own)
+
+        return self._latest.submit("lights", work, page)
+
+    def settings_at(self, index: int, slot: str) -> Settings:
+        """The settings used for a frame."""
+        self._check_index(index)
+        return self._in_slot(slot).look_at(index, self.info).settings
 
     def _shown(
-        self, index: int, document: Document, part: str, scale: int, lane: str
+        self, index: int, document: Document, part: str, scale: int, lane: str, page: str
     ) -> Future[Shown]:
         self._check_index(index)
         if part not in PARTS or scale not in SCALES or lane not in LANES:
@@ -123,7 +138,7 @@ class Desk:
                 raise StaleError
             return self._session.picture(index, look, own, known, scale, stale)
 
-        return self._latest.submit(lane, work)
+        return self._latest.submit(lane, work, page)
 
     def _in_slot(self, slot: str) -> Document:
         if slot not in SLOTS:
@@ -201,6 +216,7 @@ class Desk:
         if kind not in RENDERS:
             raise UsageError(f"{kind!r} is neither convert nor preview")
         output = self.saver.path(name, RENDERS[kind])
+        self._session.check_source()
         with self._lock:
             now = self.history.now
             private = Saver(Path(self._scratch.name))
@@ -232,8 +248,11 @@ class Desk:
             )
         except StaleError:
             return
-        except (ItmoError, InputError) as error:
+        except ItmoError as error:
             self.analysis_error = str(error)
+            return
+        if found.digest != self.info.digest:
+            self.analysis_error = "the clip changed since the studio opened it"
             return
         with self._lock:
             self.history.analysed(found)

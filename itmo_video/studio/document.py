@@ -13,10 +13,13 @@ from itmo_video.conversion.plan import ShotLook, shot_looks
 from itmo_video.errors import UsageError
 from itmo_video.look import Look, make_look
 from itmo_video.model import ClipInfo
-from itmo_video.presets import check_own, load_preset, made_of
+from itmo_video.options import flag_name
+from itmo_video.presets import check_own, load_preset, made_of, preset_names
 from itmo_video.settings import Settings
 
 STEPS = 200  # of undo
+# These change the set of frames, which the timeline of an open clip cannot follow.
+OF_OPENING = ("fps", "deinterlace", "stream", "raw")
 _MAXIMA = ("l_max", "peak_nits")
 _UNREAD: Mapping[str, Any] = MappingProxyType({})
 
@@ -66,6 +69,11 @@ class Document:
                 return shot.look
         return self.look
 
+    def source_key(self, index: int, info: ClipInfo) -> str:
+        """What the SDR picture at `index` depends on: equal keys mean equal pictures."""
+        clip, own = self.settings, self.look_at(index, info).settings
+        return f"{clip.transfer} {clip.matrix} {clip.range} {clip.force_sdr} {own.over_white}"
+
     def with_shots(self, shots: Sequence[Shot]) -> Document:
         """A copy with other shots; raises UsageError before the clip is analysed."""
         if self.analysis is None:
@@ -75,15 +83,35 @@ class Document:
         return replace(self, analysis=replace(self.analysis, shots=tuple(shots)))
 
 
-def with_preset(document: Document, name: Any) -> Document:
-    """A copy with another preset in place of the clip's settings; the page may not name a path."""
-    if not isinstance(name, str) or name.endswith(".toml"):
-        raise UsageError(f"unknown preset {name!r}")
-    return Document(name, {}, document.analysis)
+def with_preset(document: Document, name: object, opened: Document) -> Document:
+    """A copy with another preset in place of the clip's settings: a known one, or that of `opened`.
+
+    Any other path is refused: the page may not name one.
+    """
+    _check_preset(name, opened)
+    assert isinstance(name, str)
+    base = opened.base if name == opened.preset else load_preset(name)
+    held = {known: getattr(opened.settings, known) for known in OF_OPENING}
+    plain = made_of(base, {})
+    changed = {known: v for known, v in held.items() if v != getattr(plain, known)}
+    return Document(name, changed, document.analysis, base)
+
+
+def _check_preset(name: object, opened: Document | None = None) -> None:
+    known = [*preset_names(), *([opened.preset] if opened is not None else [])]
+    if name not in known:
+        raise UsageError(f"unknown preset {name!r}", remedy=f"Known: {', '.join(known)}")
 
 
 def set_values(document: Document, values: Mapping[str, Any], shot: int | None) -> Document:
     """A copy with settings of the clip or of one shot changed; a value of None resets one."""
+    if fixed := [flag_name(name) for name in values if name in OF_OPENING]:
+        raise UsageError(
+            f"{', '.join(fixed)} cannot be changed while the clip is open",
+            remedy="Give it as a flag when you start the studio.",
+        )
+    if (preset := values.get("preset")) is not None:
+        _check_preset(preset)
     if shot is None:
         changed = _merged(document.changed, values)
         return replace(document, changed=changed)

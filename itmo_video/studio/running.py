@@ -32,6 +32,7 @@ class Progress:
     seconds: float = 0.0
     left_s: float | None = None
     message: str = ""
+    is_ending: bool = False  # it was cancelled and finishes its frame
 
 
 class Runner:
@@ -44,7 +45,10 @@ class Runner:
         self._lock = threading.Lock()
 
     def start(self, kind: str, arguments: Sequence[str], output: Path) -> None:
-        """Run `itmo-video ARGUMENTS --json`; raises UsageError while another render runs."""
+        """Run `itmo-video ARGUMENTS --json`; raises UsageError while another render runs.
+
+        One that is cancelled runs until its process has ended: two would write into one folder.
+        """
         with self._lock:
             if self.progress.state == "running":
                 raise UsageError("a render is already running", remedy="Wait for it, or cancel it.")
@@ -65,7 +69,7 @@ class Runner:
         process = self._process
         if process is None or self.progress.state != "running":
             return
-        self.progress.state = "cancelled"
+        self.progress.is_ending = True
         with suppress(ProcessLookupError):
             process.send_signal(signal.SIGINT)
 
@@ -97,14 +101,16 @@ class Runner:
                 progress.left_s = (progress.of - progress.done) / rate if rate else None
         code = process.wait()
         errors.join()
+        process.stdout.close()
+        process.stderr.close()
         progress.seconds, progress.left_s = time.monotonic() - began, None
         if code == 0:
             progress.state = "done"
-        elif progress.state != "cancelled":
-            progress.state = "failed"
+        elif progress.is_ending:
+            progress.state = "cancelled"
+        else:
             progress.message = "\n".join(told[-4:]) or f"exit code {code}"
-        process.stdout.close()
-        process.stderr.close()
+            progress.state = "failed"
 
 
 def _gather(stream: Any, told: list[str]) -> None:

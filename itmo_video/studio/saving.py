@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import os
 import shlex
+import unicodedata
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
@@ -17,6 +18,9 @@ from itmo_video.output.gate import ANALYSIS, Gate, Kind
 from itmo_video.presets import overriding, read_preset
 from itmo_video.studio.document import Document
 
+_NAME_BYTES = 255  # of a file, on nearly all systems
+_FORBIDDEN = '\\/:*?"<>|'
+_UNSEEN = ("Cc", "Cs", "Zl", "Zp")  # control characters, half characters, breaks of lines
 SUFFIXES = {"preset": ".toml", "shots": ".json"}
 KINDS = {
     "preset": Kind("preset", lambda head: b"[settings]" in head or b"description" in head),
@@ -43,12 +47,15 @@ class Saver:
                 f"{name!r} is not a plain file name",
                 remedy=f"Files are saved to {self.folder}: give a name without folders.",
             )
-        if any(ord(letter) < 32 or letter in '\\:*?"<>|' for letter in name):
+        if any(_is_odd(letter) for letter in name):
             raise UsageError(
                 f"{name!r} contains characters that some systems do not allow",
                 remedy="Choose another name.",
             )
-        return self.folder / (name if name.endswith(suffix) else name + suffix)
+        whole = name if name.endswith(suffix) else name + suffix
+        if len(whole.encode()) > _NAME_BYTES:
+            raise UsageError("the name is too long", remedy=f"Use at most {_NAME_BYTES} bytes.")
+        return self.folder / whole
 
     def save(self, kind: str, name: str, document: Document, replace: bool) -> Path:
         """Write the document's settings ("preset") or its shots ("shots"); returns the path.
@@ -84,6 +91,16 @@ class Saver:
             raise ExistsError("file exists", where=str(path), remedy="Replace it?")
 
 
+def plain_name(stem: str) -> str:
+    """A clip's name as one that `Saver.path` takes, with room for an ending."""
+    plain = "".join("_" if _is_odd(letter) else letter for letter in stem).lstrip(".-").strip()
+    return plain.encode()[: _NAME_BYTES - 40].decode("utf-8", "ignore") or "clip"
+
+
+def _is_odd(letter: str) -> bool:
+    return letter in _FORBIDDEN or unicodedata.category(letter) in _UNSEEN
+
+
 def preset_toml(document: Document) -> bytes:
     """The clip's settings as a preset file, including those of the preset it is based on."""
     import tomli_w
@@ -112,12 +129,13 @@ def command(
     if preset is not None:
         words += ["--preset", str(preset)]
     else:
-        words += ["--preset", document.preset]
+        named = document.preset
+        words += ["--preset", os.path.abspath(named) if named.endswith(".toml") else named]
         for name, value in document.changed.items():
             words += _flag(name, value)
     if shots is not None:
         words += ["--analysis", str(shots)]
-    return " ".join(shlex.quote(word) for word in words)
+    return " ".join(map(_quoted, words))
 
 
 def _flag(name: str, value: Any) -> list[str]:
@@ -125,10 +143,25 @@ def _flag(name: str, value: Any) -> list[str]:
     if isinstance(value, bool):
         return [f"--{flag}" if value else f"--no-{flag}"]
     if isinstance(value, dict):
-        return [word for key, v in value.items() for word in ("--operator-param", f"{key}={v:g}")]
-    if isinstance(value, list | tuple):
-        return [f"--{flag}", ",".join(map(str, value))]
-    return [f"--{flag}", f"{value:g}" if isinstance(value, float) else str(value)]
+        return [f"--operator-param={key}={_said(v)}" for key, v in value.items()]
+    # In one word with the flag: what begins with a dash would be taken for another one.
+    text = ",".join(map(str, value)) if isinstance(value, list | tuple) else _said(value)
+    return [f"--{flag}={text}"] if text.startswith("-") or not text else [f"--{flag}", text]
+
+
+def _said(value: Any) -> str:
+    return repr(value).removesuffix(".0") if isinstance(value, float) else str(value)
+
+
+def _quoted(word: str) -> str:
+    """A word for a shell; one with bytes or characters that cannot be copied, as bash escapes."""
+    if all(letter.isprintable() for letter in word):
+        return shlex.quote(word)
+    escaped = "".join(
+        chr(byte) if 32 <= byte < 127 and chr(byte) not in "\\'" else f"\\x{byte:02x}"
+        for byte in os.fsencode(word)
+    )
+    return f"$'{escaped}'"
 
 
 def _plain(value: Any) -> Any:

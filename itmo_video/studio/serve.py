@@ -6,13 +6,18 @@ import secrets
 import socket
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 from itmo_video.conversion.run_options import RunOptions
 from itmo_video.errors import UsageError
+from itmo_video.output.atomic import output_error
 from itmo_video.studio.desk import Desk
 from itmo_video.studio.document import Document
 from itmo_video.studio.studio_options import StudioOptions
 from itmo_video.words import to_install
+
+_MOST_CONNECTIONS = 512
+_SILENCE_TICKS = 50  # of 0.1 s
 
 
 def serve(
@@ -38,9 +43,7 @@ def serve(
             f"the studio needs {error.name}, which is not installed",
             remedy=to_install("studio"),
         ) from error
-    folder = options.folder.resolve()
-    if not folder.is_dir():
-        raise UsageError("not a folder", where=str(folder), remedy="Create it, or choose another.")
+    folder = _made(options.folder)
     with Desk(source, document, folder, run) as desk, socket.socket() as listener:
         listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:
@@ -60,13 +63,39 @@ def serve(
             access_log=False,
             lifespan="off",
             timeout_graceful_shutdown=20,
-            limit_concurrency=64,
+            limit_concurrency=_MOST_CONNECTIONS,
         )
         on_ready(f"http://127.0.0.1:{taken}/{token}/")
 
         class Server(uvicorn.Server):
+            quiet: dict[Any, int]  # connections without a request, with the tick that found them
+
+            async def on_tick(self, counter: int) -> bool:
+                """Close connections that never send a request: they would keep the page out."""
+                known = getattr(self, "quiet", {})
+                held = [c for c in self.server_state.connections if getattr(c, "cycle", 0) is None]
+                self.quiet = {c: known.get(c, counter) for c in held}
+                for connection, since in self.quiet.items():
+                    if counter - since > _SILENCE_TICKS:
+                        connection.transport.abort()
+                return await super().on_tick(counter)
+
             async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
                 desk.stop_showing()  # otherwise shutting down would wait for pictures
                 await super().shutdown(sockets)
 
         Server(config).run(sockets=[listener])
+
+
+def _made(folder: Path) -> Path:
+    """The folder to save to, created if it does not exist."""
+    folder = folder.resolve()
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except FileExistsError as error:
+        raise UsageError(
+            "not a folder", where=str(folder), remedy="Choose another folder."
+        ) from error
+    except OSError as error:
+        raise output_error(error, folder) from error
+    return folder

@@ -11,16 +11,16 @@ from functools import partial
 from typing import Any, TypeVar
 
 from starlette.applications import Starlette
-from starlette.requests import Request
-from starlette.responses import JSONResponse, Response
+from starlette.requests import ClientDisconnect, Request
+from starlette.responses import Response
 from starlette.routing import Route
 
 from itmo_video.errors import ItmoError, UsageError
+from itmo_video.studio import asking, state
 from itmo_video.studio import document as documents
-from itmo_video.studio import state
 from itmo_video.studio.desk import Desk
 from itmo_video.studio.document import Document
-from itmo_video.studio.guard import MAX_BODY, App, Guard
+from itmo_video.studio.guard import App, Guard
 from itmo_video.studio.saving import ExistsError
 from itmo_video.studio.session import Shown, StaleError
 from itmo_video.studio.site import Site
@@ -69,51 +69,56 @@ class _Api:
         )
 
     async def _about(self, request: Request) -> Response:
-        return JSONResponse(state.about(self._desk))
+        return _json(state.about(self._desk))
 
     async def _state(self, request: Request) -> Response:
-        return JSONResponse(state.state(self._desk))
+        return _json(state.state(self._desk))
 
     async def _picture(self, request: Request) -> Response:
         asked = request.query_params
-        version, shown = self._desk.picture(
-            _whole(asked.get("index")),
+        made_by, shown = self._desk.picture(
+            asking.whole(asked.get("index")),
             asked.get("slot", "a"),
             asked.get("part", "hdr"),
-            _whole(asked.get("scale", "1")),
+            asking.whole(asked.get("scale", "1")),
             asked.get("lane", "a"),
+            asking.page(asked.get("page", "")),
         )
-        return _halfs(await _of(shown), version)
+        return _halfs(await _of(shown), made_by)
 
     async def _variants(self, request: Request) -> Response:
         found = variants(request.query_params.get("by", ""))
-        return JSONResponse([dataclasses.asdict(variant) for variant in found])
+        return _json([dataclasses.asdict(variant) for variant in found])
 
     async def _lights(self, request: Request) -> Response:
         asked = request.query_params
-        lights = self._desk.lights(_whole(asked.get("index")), asked.get("slot", "a"))
-        return JSONResponse(await _of(lights))
+        page = asking.page(asked.get("page", ""))
+        lights = self._desk.lights(asking.whole(asked.get("index")), asked.get("slot", "a"), page)
+        return _json(await _of(lights))
 
     async def _still(self, request: Request) -> Response:
         asked = request.query_params
         slot = asked.get("slot", "a")
-        version, shown = self._desk.picture(_whole(asked.get("index")), slot, "hdr", 1, "still")
-        settings = self._desk.history.now.settings
+        page = asking.page(asked.get("page", ""))
+        index = asking.whole(asked.get("index"))
+        settings = self._desk.settings_at(index, slot)
+        _, shown = self._desk.picture(index, slot, "hdr", 1, "still", page)
         data = await asyncio.to_thread(avif_still, await _of(shown), settings)
-        return Response(data, media_type="image/avif", headers={"x-version": str(version)})
+        return Response(data, media_type="image/avif")
 
     async def _try(self, request: Request) -> Response:
-        asked = await _body(request)
-        values = asked.get("values", {})
-        if not isinstance(values, dict):
-            raise UsageError("values must be a table")
+        asked = await asking.body(request)
         shown = self._desk.attempt(
-            _whole(asked.get("index")), asked.get("preset"), values, _whole(asked.get("scale", 4))
+            asking.whole(asked.get("index")),
+            asked.get("preset"),
+            asking.values(asked),
+            asking.whole(asked.get("scale", 4)),
+            asking.page(asked.get("page", "")),
         )
-        return _halfs(await _of(shown), self._desk.version)
+        return _halfs(await _of(shown), "tried")
 
     async def _edit(self, request: Request) -> Response:
-        asked = await _body(request)
+        asked = await asking.body(request)
         do = asked.get("do")
         desk = self._desk
         if do in ("undo", "redo"):
@@ -124,50 +129,47 @@ class _Api:
             desk.swap()
         else:
             gesture = asked.get("gesture")
-            change = _change(str(do), asked)
+            change = self._change(str(do), asked)
             await asyncio.to_thread(desk.edit, change, None if gesture is None else str(gesture))
-        return JSONResponse(state.state(desk))
+        return _json(state.state(desk))
 
     async def _save(self, request: Request) -> Response:
-        asked = await _body(request)
+        asked = await asking.body(request)
         try:
             path = await asyncio.to_thread(
-                self._desk.save,
-                str(asked.get("kind")),
-                str(asked.get("name", "")),
+                self._desk.save, asking.text(asked, "kind"), asking.text(asked, "name"),
                 asked.get("replace") is True,
-            )
+            )  # fmt: skip
         except ExistsError as error:
-            return JSONResponse({"error": str(error), "exists": True}, 409)
-        return JSONResponse({"path": str(path), "state": state.state(self._desk)})
+            return _json({"exists": str(error)})  # a question, which is no error
+        return _json({"path": str(path), "state": state.state(self._desk)})
 
     async def _render(self, request: Request) -> Response:
-        asked = await _body(request)
+        asked = await asking.body(request)
         if asked.get("do") == "cancel":
             self._desk.runner.cancel()
         else:
-            kind, name = str(asked.get("kind")), str(asked.get("name", ""))
+            kind, name = asking.text(asked, "kind"), asking.text(asked, "name")
             await asyncio.to_thread(self._desk.render, kind, name)
-        return JSONResponse(state.state(self._desk))
+        return _json(state.state(self._desk))
 
-
-def _change(do: str, asked: dict[str, Any]) -> Callable[[Document], Document]:
-    shot = asked.get("shot")
-    if do == "set":
-        values = asked.get("values")
-        if not isinstance(values, dict):
-            raise UsageError("values must be a table")
-        place = None if shot is None else _whole(shot)
-        return lambda document: documents.set_values(document, values, place)
-    if do == "preset":
-        return partial(documents.with_preset, name=asked.get("preset"))
-    if do == "split":
-        return partial(documents.split, at=_whole(asked.get("at")))
-    if do == "merge":
-        return partial(documents.merge, shot=_whole(shot))
-    if do == "enable":
-        return partial(documents.enable, shot=_whole(shot), on=asked.get("on") is True)
-    raise UsageError(f"unknown action {do!r}")
+    def _change(self, do: str, asked: dict[str, Any]) -> Callable[[Document], Document]:
+        shot = asked.get("shot")
+        if do == "set":
+            values = asking.values(asked)
+            place = None if shot is None else asking.whole(shot)
+            return lambda document: documents.set_values(document, values, place)
+        if do == "preset":
+            return partial(
+                documents.with_preset, name=asked.get("preset"), opened=self._desk.opened
+            )
+        if do == "split":
+            return partial(documents.split, at=asking.whole(asked.get("at")))
+        if do == "merge":
+            return partial(documents.merge, shot=asking.whole(shot))
+        if do == "enable":
+            return partial(documents.enable, shot=asking.whole(shot), on=asked.get("on") is True)
+        raise UsageError(f"unknown action {do!r}")
 
 
 def _told(answer: Answer) -> Answer:
@@ -177,11 +179,11 @@ def _told(answer: Answer) -> Answer:
         try:
             return await answer(request)
         except StaleError:
-            return JSONResponse({"stale": True}, 409)
-        except UsageError as error:
-            return JSONResponse({"error": str(error)}, 422)
+            return Response(status_code=204)  # nothing to show, and nothing that went wrong
+        except ClientDisconnect:
+            return Response(status_code=400)  # the page was closed while it asked
         except ItmoError as error:
-            return JSONResponse({"error": str(error)}, 500)
+            return _json({"error": str(error)}, 422)
 
     return safe
 
@@ -190,32 +192,11 @@ async def _of(future: Future[T]) -> T:
     return await asyncio.wrap_future(future)
 
 
-async def _body(request: Request) -> dict[str, Any]:
-    data = await request.body()
-    if len(data) > MAX_BODY:
-        raise UsageError("request too long")
-    try:
-        found = json.loads(data)
-    except (ValueError, RecursionError) as error:
-        raise UsageError("the request is not JSON") from error
-    if not isinstance(found, dict):
-        raise UsageError("the request must be a JSON object")
-    return found
-
-
-def _whole(value: object) -> int:
-    if isinstance(value, str) and value.isascii() and value.isdigit() and len(value) < 12:
-        return int(value)
-    if isinstance(value, int) and not isinstance(value, bool):
-        return value
-    raise UsageError(f"{value!r} is not a whole number")
-
-
-def _halfs(shown: Shown, version: int) -> Response:
+def _halfs(shown: Shown, made_by: str) -> Response:
     width, height = shown.size
     headers = {
         "x-index": str(shown.index),
-        "x-version": str(version),
+        "x-made-by": made_by,
         "x-width": str(width),
         "x-height": str(height),
         "x-channels": str(shown.planes.shape[0]),
@@ -223,3 +204,9 @@ def _halfs(shown: Shown, version: int) -> Response:
     }
     data = shown.planes.tobytes()
     return Response(data, media_type="application/octet-stream", headers=headers)
+
+
+def _json(content: Any, status: int = 200) -> Response:
+    """JSON in ASCII: names of files that are not UTF-8 come through as JavaScript has them."""
+    text = json.dumps(content, allow_nan=False, separators=(",", ":"))
+    return Response(text, status, media_type="application/json")

@@ -16,7 +16,7 @@ import cv2
 import numpy as np
 
 from itmo_video.colour.linear_light import to_rgb_linear
-from itmo_video.errors import DamagedInputError
+from itmo_video.errors import DamagedInputError, ReplacedInputError
 from itmo_video.expand_map.key_map import key_lights, make_key_map
 from itmo_video.look import Look
 from itmo_video.model import Code, Float32, Frame, Half
@@ -26,7 +26,8 @@ from itmo_video.motion.keyframes import Span
 from itmo_video.rendering import spans
 from itmo_video.rendering.frame import render
 from itmo_video.rendering.map_settings import map_settings
-from itmo_video.source.opening import input_options, open_clip
+from itmo_video.source.digest import SourceFiles
+from itmo_video.source.opening import input_files, input_options, open_clip
 from itmo_video.source.tags import InputOptions
 from itmo_video.studio.memory import Memory, RememberedClip
 
@@ -37,6 +38,7 @@ SCALES = (1, 2, 4)
 FRAME_BYTES = 400 << 20  # 130 frames of 1080p 4:2:0: a window and the frames played around it
 MAP_BYTES = 200 << 20
 _THREADS = 2
+_NEAR = 64  # files of a sequence to either side that are looked at for a frame
 
 
 class StaleError(Exception):
@@ -76,6 +78,8 @@ class Session:
         self._max_pixels = options.max_pixels
         self._pool = ThreadPoolExecutor(_THREADS, thread_name_prefix="studio-map")
         self._stale: Callable[[], bool] = _never
+        self._files = input_files(source)
+        self._as_opened = SourceFiles(self._files)
         self._open(options)
 
     def __enter__(self) -> Session:
@@ -107,9 +111,10 @@ class Session:
 
         With `scale` 2 or 4, codes are first averaged to 1/2 or 1/4 of the size; the map stays the
         same. Raises StaleError soon after `stale` returns true, DamagedInputError if the frame
-        cannot be decoded.
+        cannot be decoded, ReplacedInputError if the source is no longer what was opened.
         """
         self._stale = stale
+        self.check_source(index)
         self._reopen(look)
         own = own or look
         frame, map_small, guide = self._frame_and_map(index, own)
@@ -127,6 +132,22 @@ class Session:
             return Shown(index, done.layers[f"{part}.Y"][None], own.settings.primaries)
         return Shown(index, np.stack(done.rgb), own.settings.primaries)
 
+    def check_source(self, index: int | None = None) -> None:
+        """Raise ReplacedInputError if files, all or those near a frame, changed since opening.
+
+        Frames are cached, so a change would otherwise be noticed late or only in part.
+        """
+        near = slice(None) if index is None else slice(max(0, index - _NEAR), index + _NEAR)
+        for path in self._files[near] if len(self._files) > 1 else self._files:
+            try:
+                self._as_opened.check(path)
+            except ReplacedInputError as error:
+                raise ReplacedInputError(
+                    f"{error.what.partition(' while')[0]} since the studio opened it",
+                    where=error.where,
+                    remedy="Restore it, or restart the studio.",
+                ) from error
+
     def frame(self, index: int) -> Frame:
         """The decoded frame at `index`; raises DamagedInputError if it cannot be decoded."""
         found = next(self.clip.frames(index), None)
@@ -136,11 +157,12 @@ class Session:
             )
         return found
 
-    def lights(self, index: int, look: Look) -> list[tuple[float, float]]:
+    def lights(self, index: int, look: Look, own: Look | None = None) -> list[tuple[float, float]]:
         """The frame's median-cut lights, (x, y) from 0 to 1 across the picture."""
         self._stale = _never
+        self.check_source(index)
         self._reopen(look)
-        return key_lights(self.frame(index), look.settings)
+        return key_lights(self.frame(index), (own or look).settings)
 
     def _open(self, options: InputOptions) -> None:
         self.clip = RememberedClip(open_clip(self._source, options), self._frame_bytes)
@@ -154,6 +176,7 @@ class Session:
         """Read the clip with these settings; caches hold results of one reading only."""
         options = input_options(look.settings, self._max_pixels)
         if options != self._options:
+            self.check_source()
             before = self.clip
             self._open(options)
             before.close()

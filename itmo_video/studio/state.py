@@ -17,6 +17,7 @@ from itmo_video.source.facts import clip_facts
 from itmo_video.studio import controls, variants
 from itmo_video.studio.desk import Desk
 from itmo_video.studio.document import Document
+from itmo_video.studio.saving import plain_name
 
 
 def about(desk: Desk) -> dict[str, Any]:
@@ -24,7 +25,7 @@ def about(desk: Desk) -> dict[str, Any]:
     info = desk.info
     return {
         "name": Path(info.path).name,
-        "stem": info.stem,
+        "suggested": plain_name(info.stem),
         "size": info.display_size,
         "frames": info.frames,
         "first_number": desk.first_number,
@@ -54,8 +55,8 @@ def state(desk: Desk) -> dict[str, Any]:
     progress = dataclasses.asdict(desk.runner.progress)
     return {
         "version": desk.version,
-        "document": _document(now),
-        "other": _document(desk.other) if desk.other is not None else None,
+        "document": _document(desk, now),
+        "other": _document(desk, desk.other) if desk.other is not None else None,
         "peak": _peak(desk),
         "can_undo": desk.history.can_undo,
         "can_redo": desk.history.can_redo,
@@ -90,12 +91,13 @@ def _peak(desk: Desk) -> float:
     return max(look.settings.l_max_effective for look in looks)
 
 
-def _document(document: Document) -> dict[str, Any]:
-    settings = document.settings
+def _document(desk: Desk, document: Document) -> dict[str, Any]:
+    settings, first = document.settings, desk.first_number
     return {
         "preset": document.preset,
         "changed": dict(document.changed),
         "settings": _values(settings),
+        "source": document.source_key(-1, desk.info),  # of frames in no shot
         "l_max": settings.l_max_effective,
         "peak_nits": settings.l_max_effective * settings.white_nits,
         "shots": [
@@ -104,6 +106,7 @@ def _document(document: Document) -> dict[str, Any]:
                 "last": shot.last,
                 "enabled": shot.enabled,
                 "own": dict(shot.own),
+                "source": document.source_key(shot.first - first, desk.info),
                 "settings": _values(shot.settings(settings)) if shot.own else None,
             }
             for shot in document.shots

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 import signal
 import subprocess
@@ -40,8 +41,14 @@ class Page:
     Nothing here waits for a time: the stage says what is drawn, and that it is busy until it is.
     """
 
-    def __init__(self, browser: Any, address: str, width: int = 1600, height: int = 950) -> None:
-        self.tab = browser.new_page(viewport={"width": width, "height": height})
+    def __init__(
+        self, browser: Any, address: str, width: int = 1600, height: int = 950,
+        beside: Page | None = None,
+    ) -> None:  # fmt: skip
+        """Open it; `beside` another page in the same browser, or in one of its own."""
+        view = {"width": width, "height": height}
+        self.context = beside.context if beside else browser.new_context(viewport=view)
+        self.tab = self.context.new_page()
         self.told: list[str] = []
         base = address.rsplit("/", 2)[0]
         self.tab.on("console", lambda message: self.told.append(f"console: {message.text}"))
@@ -60,6 +67,14 @@ class Page:
 
     def get(self, what: str) -> dict[str, Any]:
         return dict(self.tab.evaluate(f"fetch('api/{what}').then((r) => r.json())"))
+
+    def edit(self, **asked: Any) -> None:
+        """Edit as a page does that is open beside: this one is not told."""
+        post = "{method: 'POST', headers: {'content-type': 'application/json'}, body: asked}"
+        status = self.tab.evaluate(
+            f"(asked) => fetch('api/edit', {post}).then((r) => r.status)", json.dumps(asked)
+        )
+        assert status == 200
 
     def ready(self) -> None:
         self.tab.wait_for_selector("body[data-ready]", timeout=PATIENCE_S * 1e3)

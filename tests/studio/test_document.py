@@ -14,8 +14,16 @@ from clips import moving_scene, write_ffv1
 from itmo_video import analyse, make_settings, read_analysis
 from itmo_video.errors import OutputError, UsageError
 from itmo_video.source.opening import open_clip
-from itmo_video.studio.document import Document, History, enable, merge, set_values, split
-from itmo_video.studio.saving import ExistsError, Saver, command, preset_toml
+from itmo_video.studio.document import (
+    Document,
+    History,
+    enable,
+    merge,
+    set_values,
+    split,
+    with_preset,
+)
+from itmo_video.studio.saving import ExistsError, Saver, command, plain_name, preset_toml
 
 
 @pytest.fixture(scope="module")
@@ -163,3 +171,58 @@ def test_the_command_is_quoted() -> None:
         "itmo-video convert 'a b'\"'\"'; rm.mp4' out --preset paper --peak-nits 400 "
         "--no-expand-map --layers gain --analysis s.json"
     )
+
+
+def test_the_command_says_every_value_whole(tmp_path: Path) -> None:
+    changed = {
+        "l_max": 12.3456789, "strength": 0.1 + 0.2, "owner": "-x", "comments": "a\nb\x01'é",
+        "operator_params": {"a": 1e-7}, "layers": [],
+    }  # fmt: skip
+    told = command(Document("default", changed), "-caf\udce9\\1.mp4", "out", None, None)
+    printed = subprocess.run(
+        ["bash", "-c", f"printf '%s\\0' {told}"], capture_output=True, check=True
+    ).stdout
+    assert [os.fsdecode(word) for word in printed.split(b"\0")[:-1]] == [
+        "itmo-video", "convert", "-caf\udce9\\1.mp4", "out", "--preset", "default", "--l-max",
+        "12.3456789", "--strength", "0.30000000000000004", "--owner=-x", "--comments",
+        "a\nb\x01'é", "--operator-param=a=1e-07", "--layers=",
+    ]  # fmt: skip
+
+
+def test_the_command_names_the_presets_file_from_anywhere(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "mine.toml").write_text("[settings]\nstrength = 0.5\n")
+    monkeypatch.chdir(tmp_path)
+    told = command(Document("mine.toml"), "clip.mp4", "out", None, None)
+    assert str(tmp_path / "mine.toml") in told
+
+
+def test_a_names_suggestion_is_taken(tmp_path: Path) -> None:
+    saver = Saver(tmp_path)
+    for stem in ("a", "..x", "-x", "a/b:c", "\udce9", "\x07", "é" * 200, " ", "a\u2028b", "___"):
+        assert saver.path(plain_name(stem), ".toml").parent == tmp_path
+    for name in ("\ud800", "a\x7f", "é" * 130, "a\u2028b"):
+        with pytest.raises(UsageError):
+            saver.path(name)
+
+
+def test_what_decides_the_frames_stays_as_opened(tmp_path: Path) -> None:
+    (tmp_path / "mine.toml").write_text('[settings]\nfps = "24"\nstrength = 0.5\n')
+    opened = Document(str(tmp_path / "mine.toml"), {"deinterlace": "off"})
+    other = with_preset(opened, "paper", opened)
+    assert (other.settings.fps, other.settings.deinterlace) == ("24", "off")
+    (tmp_path / "mine.toml").unlink()
+    back = with_preset(set_values(other, {"strength": 0.9}, None), opened.preset, opened)
+    assert back.settings == opened.settings
+    for values in ({"fps": "25"}, {"fps": None}, {"stream": 1}, {"raw": "x"}, {"preset": "x.toml"}):
+        with pytest.raises(UsageError):
+            set_values(opened, values, None)
+    with pytest.raises(UsageError):
+        with_preset(opened, str(tmp_path / "other.toml"), opened)
+
+
+def test_an_error_names_the_file_that_was_asked_for(tmp_path: Path) -> None:
+    with pytest.raises(OutputError) as told:
+        Saver(tmp_path / "gone").save("preset", "look", Document("default"), False)
+    assert told.value.where == str(tmp_path / "gone" / "look.toml")

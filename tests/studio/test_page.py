@@ -185,6 +185,58 @@ def test_a_and_b_undo_and_variants(browser: Any, address: str) -> None:
     assert page.told == []
 
 
+def test_a_key_at_once_after_a_dialog_is_not_lost(browser: Any, address: str) -> None:
+    page = Page(browser, address)
+    opened = page.tab.evaluate(
+        """() => {
+          document.getElementById('variants').showModal();
+          document.getElementById('vary').focus();
+          document.getElementById('variants').close();
+          document.getElementById('vary').dispatchEvent(
+            new KeyboardEvent('keydown', {key: 'r', bubbles: true, cancelable: true}));
+          return document.getElementById('files').open;
+        }"""
+    )
+    assert opened
+
+
+def test_two_pages_of_one_studio(browser: Any, address: str) -> None:
+    one = Page(browser, address)
+    two = Page(browser, address, beside=one)
+    one.go(12)
+    two.go(12)
+    before = one.pixels()
+    asked: list[str] = []
+    one.tab.on("request", lambda request: asked.append(request.url))
+    two.set("strength", 0.3)
+    one.settled()
+    assert one.pixels() == two.pixels() != before
+    assert len([url for url in asked if "api/picture" in url]) < 12, "it asks and asks"
+    for page in (one, two, one):  # neither keeps the other from its pictures
+        for other in (one, two):
+            for _ in range(6):
+                other.tab.keyboard.press("ArrowRight")
+        page.settled()
+    assert one.told == two.told == []
+
+
+def test_sdr_follows_its_settings(browser: Any, address: str) -> None:
+    """Also where another page changed them, and where they are the shot's own."""
+    page, other = Page(browser, address), Page(browser, address)
+    page.go(12)
+    page.press("s", compare="sdr")
+    page.press("{", exposures="-0.5,0")  # else all above white is white
+    seen = [page.pixels()]
+    for values, shot in (({"range": "full"}, None), ({"over_white": "keep"}, 0)):
+        other.edit(do="set", values=values, shot=shot)
+        page.press("ArrowRight")  # to one that it has not yet: the answer is by newer settings
+        page.go(12)
+        seen.append(page.pixels())
+        page.go(13)
+    assert len(set(seen)) == 3, "an old picture is shown"
+    assert page.told == other.told == []
+
+
 def test_it_plays_a_loop(browser: Any, address: str) -> None:
     page = Page(browser, address)
     tab = page.tab

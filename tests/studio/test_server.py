@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import json
+import os
+import shutil
 import threading
 import time
 from collections.abc import Iterator
@@ -16,9 +19,10 @@ from starlette.testclient import TestClient
 from itmo_video import make_settings
 from itmo_video.conversion.convert import convert
 from itmo_video.conversion.run_options import RunOptions
+from itmo_video.errors import UsageError
 from itmo_video.output.exr import read_exr
 from itmo_video.studio.desk import Desk
-from itmo_video.studio.document import Document
+from itmo_video.studio.document import OF_OPENING, Document
 from itmo_video.studio.latest import Latest
 from itmo_video.studio.server import make_app
 from itmo_video.studio.session import StaleError
@@ -132,6 +136,106 @@ def test_errors_are_told(client: TestClient) -> None:
 
 
 JSON = {"content-type": "application/json"}
+TOLD = ("split", "merge", "enable")
+ODD: tuple[Any, ...] = (
+    True, -1, 1.5, 1e308, 10**30, float("nan"), "", "x", "\ud800", "\0", "x.toml", [], [1],
+    ["gain"], [[]], {}, {"a": 1}, {"a": "x"}, {"a": [1]}, {"\ud800": 1},
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("shot", [None, 0])
+def test_nothing_that_is_asked_is_an_error_of_ours(client: TestClient, shot: int | None) -> None:
+    """Where one is, the test client raises it."""
+    analysed(client)
+    names = ("operator", "peak_nits", "l_max", "lights", "expand_map", "layers", "operator_params",
+             "owner", "preset", "self", "\udc80", *OF_OPENING)  # fmt: skip
+    asked = [
+        *({"do": "set", "values": {name: odd}, "shot": shot} for name in names for odd in ODD),
+        *({"do": "set", "values": {"strength": 0.5}, "shot": odd} for odd in ODD),
+        *({"do": "set", "values": odd} for odd in ODD),
+        *({"do": "preset", "preset": odd} for odd in ODD),
+        *({"do": do, "shot": odd, "at": odd, "on": odd} for do in TOLD for odd in ODD),
+    ]
+    for body in asked:
+        answer = client.post("api/edit", content=json.dumps(body), headers=JSON)
+        assert answer.status_code in (200, 422), body
+        if answer.status_code == 200:
+            assert not set(body.get("values", ())) & {*OF_OPENING}
+            assert client.get("api/state").status_code == 200, body
+            edit(client, "undo")
+
+
+@pytest.mark.parametrize("name", [None, 3, ["x"], {}, "", "a/b", "..", "\ud800", "x\0"])
+def test_names_are_names(client: TestClient, tmp_path: Path, name: object) -> None:
+    analysed(client)
+    before = sorted(tmp_path.iterdir())
+    for path, kind in (("save", "preset"), ("save", "shots"), ("render", "convert")):
+        asked = json.dumps({"kind": kind, "name": name})
+        answer = client.post(f"api/{path}", content=asked, headers=JSON)
+        assert answer.status_code == 422, (path, kind)
+        assert answer.json()["error"]
+    assert sorted(tmp_path.iterdir()) == before
+
+
+def test_a_file_that_is_there_is_a_question(client: TestClient, tmp_path: Path) -> None:
+    (tmp_path / "mine.toml").write_text("[settings]\nstrength = 0.5\n")
+    asked = {"kind": "preset", "name": "mine"}
+    answer = client.post("api/save", json=asked)
+    assert (answer.status_code, list(answer.json())) == (200, ["exists"])
+    assert "0.5" in (tmp_path / "mine.toml").read_text()
+    assert "path" in client.post("api/save", json={**asked, "replace": True}).json()
+
+
+def test_a_clips_name_may_be_any(clip: Path, tmp_path: Path) -> None:
+    odd = tmp_path / os.fsdecode(b"caf\xe9\n<b>.mkv")
+    try:
+        shutil.copy(clip, odd)
+    except OSError:
+        pytest.skip("the file system takes UTF-8 names only")
+    with Desk(odd, Document("default"), tmp_path) as desk:
+        client = TestClient(make_app(desk, TOKEN, PORT), base_url=f"{BASE}/{TOKEN}/")
+        assert client.get("api/about").json()["name"] == odd.name
+        assert "caf\\xe9\\x0a<b>.mkv" in analysed(client)["command"]
+        name = client.get("api/about").json()["suggested"]
+        for kind in ("preset", "shots"):
+            answer = client.post("api/save", json={"kind": kind, "name": name})
+            assert "path" in answer.json(), answer.text
+
+
+def test_a_clip_that_is_replaced_is_told(clip: Path, tmp_path: Path) -> None:
+    copy = Path(shutil.copy(clip, tmp_path / "copy.mkv"))
+    with Desk(copy, Document("default"), tmp_path) as desk:
+        client = TestClient(make_app(desk, TOKEN, PORT), base_url=f"{BASE}/{TOKEN}/")
+        analysed(client)
+        picture(client, index=3)
+        write_ffv1(copy, moving_scene(14, width=96, height=64, cuts=(5,)))
+        edit(client, "set", values={"range": "limited"})
+        for path in ("api/picture?index=3", "api/picture?index=3&part=sdr", "api/lights?index=3"):
+            answer = client.get(path)
+            assert answer.status_code == 422, path
+            assert "changed since the studio opened it" in answer.json()["error"]
+        answer = client.post("api/render", json={"kind": "convert", "name": "out"})
+        assert answer.status_code == 422
+        copy.unlink()
+        assert "removed" in client.get("api/picture?index=3").json()["error"]
+
+
+def test_sdr_pictures_say_what_they_are_made_by(client: TestClient) -> None:
+    """One key, one picture: by the clip's reading, and by the shot's own over-white."""
+
+    def key(state: dict[str, Any], shot: int) -> str:
+        return str(state["document"]["shots"][shot]["source"])
+
+    before = analysed(client)
+    assert key(before, 0) == key(edit(client, "set", values={"strength": 0.3}), 0)
+    own = edit(client, "set", values={"over_white": "keep"}, shot=1)
+    assert key(own, 0) == key(before, 0) != key(own, 1)
+    clip = edit(client, "set", values={"range": "limited"})
+    assert len({key(state, shot) for state in (own, clip) for shot in (0, 1)}) == 4
+    for index, shot in ((0, 0), (9, 1)):
+        answer = client.get(f"api/picture?index={index}&part=sdr")
+        assert answer.headers["x-made-by"] == key(clip, shot)
+    assert client.get("api/picture?index=0").headers["x-made-by"] == str(clip["version"])
 
 
 def test_strangers_are_refused(desk: Desk) -> None:
@@ -193,6 +297,42 @@ def test_a_render_is_cancelled_and_failures_are_told(desk: Desk, tmp_path: Path)
     assert "not from a conversion" in desk.runner.progress.message
 
 
+def test_one_render_at_a_time_also_after_a_cancel(desk: Desk) -> None:
+    desk.render("convert", "out")
+    desk.runner.cancel()
+    with pytest.raises(UsageError, match="running"):
+        desk.render("convert", "out")
+    assert desk.runner._follower is not None
+    desk.runner._follower.join(60)
+    assert desk.runner.progress.state in ("cancelled", "done")
+    desk.render("convert", "out")
+
+
+def test_pages_do_not_overtake_each_other() -> None:
+    latest, go = Latest(("a", "b")), threading.Event()
+    ran: list[str] = []
+    running = latest.submit("a", lambda stale: (go.wait(60), stale())[1], "one")
+    while latest._running is None:
+        time.sleep(0.001)
+    waiting = [
+        latest.submit("a", lambda stale, n=n, p=p: ran.append(f"{p}{n}"), p)
+        for n in range(5)
+        for p in ("two", "three")
+    ]
+    go.set()
+    assert running.result(60) is False, "another page overtook it"
+    for future in waiting[-2:]:
+        future.result(60)
+    assert ran == ["two4", "three4"]
+    hold = threading.Event()
+    latest.submit("a", lambda stale: hold.wait(60))
+    many = [latest.submit("a", lambda stale: 1, str(n)) for n in range(200)]
+    hold.set()
+    assert many[-1].result(60) == 1
+    assert sum(isinstance(f.exception(60), StaleError) for f in many) >= 200 - 65
+    latest.close()
+
+
 def test_many_clicks_pile_up_no_work() -> None:
     latest, go = Latest(("a", "b")), threading.Event()
     ran: list[int] = []
@@ -203,7 +343,7 @@ def test_many_clicks_pile_up_no_work() -> None:
         return n
 
     first = latest.submit("a", lambda stale: (work(0), stale())[1])
-    while latest._waiting:
+    while latest._running is None:
         time.sleep(0.001)
     futures = [latest.submit("a", lambda stale, n=n: work(n)) for n in range(1, 200)]
     other = latest.submit("b", lambda stale: work(-1))

@@ -3,18 +3,18 @@
 import { Picture, halfLight } from "viewer/light.js";
 
 const LIGHT = halfLight();
+// Tells this page from others that are open: a request only overtakes those of its own page.
+export const PAGE = Math.random().toString(36).slice(2, 12);
 
 export class Refused extends Error {}
 export class Stale extends Error {}
 
 async function answered(response) {
+  if (response.status === 204) throw new Stale();
   if (response.ok) return response;
   let told = {};
   try { told = await response.json(); } catch { /* no words */ }
-  if (told.stale) throw new Stale();
-  const error = new Refused(told.error || `the studio answered ${response.status}`);
-  error.exists = Boolean(told.exists);
-  throw error;
+  throw new Refused(told.error || `the studio answered ${response.status}`);
 }
 
 async function fetched(path, options) {
@@ -37,7 +37,7 @@ async function pictureOf(response, primaries) {
   const number = (name) => Number(response.headers.get(`x-${name}`));
   const name = response.headers.get("x-primaries");
   return {
-    version: number("version"),
+    madeBy: response.headers.get("x-made-by"),
     picture: new Picture({
       width: number("width"), height: number("height"), channels: number("channels"),
       codes: new Uint16Array(await response.arrayBuffer()), light: LIGHT,
@@ -46,11 +46,12 @@ async function pictureOf(response, primaries) {
   };
 }
 
-// A picture and the version of the settings that it was rendered with.
+// A picture and the key of what it depends on: a version of the settings, or how SDR is read.
 export async function picture(asked, primaries) {
-  return pictureOf(await fetched(`api/picture?${new URLSearchParams(asked)}`), primaries);
+  const query = new URLSearchParams({ ...asked, page: PAGE });
+  return pictureOf(await fetched(`api/picture?${query}`), primaries);
 }
 
 export async function attempt(asked, primaries) {
-  return (await pictureOf(await posted("api/try", asked), primaries)).picture;
+  return (await pictureOf(await posted("api/try", { ...asked, page: PAGE }), primaries)).picture;
 }

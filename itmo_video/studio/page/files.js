@@ -15,14 +15,15 @@ function says(text, isError = false) {
 async function save(kind, replace = false) {
   const name = byId(`${kind}-name`).value.trim();
   try {
-    const { path, state } = await post("api/save", { kind, name, replace });
+    const { path, state, exists } = await post("api/save", { kind, name, replace });
+    if (exists) return window.confirm(exists) ? save(kind, true) : false;
     take(state);
     says(`Saved: ${path}`);
     return true;
   } catch (error) {
-    if (!error.exists) { failed(error); says(error.message, true); return false; }
-    if (!window.confirm(`${error.message}`)) return false;
-    return save(kind, true);
+    failed(error);
+    says(error.message, true);
+    return false;
   }
 }
 
@@ -39,7 +40,8 @@ async function render(kind) {
 
 const minutes = (s) => (s >= 90 ? `${Math.round(s / 60)} min` : `${Math.ceil(s)} s`);
 
-function words({ state, done, of, left_s, output, seconds, message }) {
+function words({ state, done, of, left_s, output, seconds, message, is_ending: isEnding }) {
+  if (isEnding && state === "running") return "Cancelling …";
   if (state === "running")
     return `${done} of ${of || "…"} frames${left_s === null ? "" : `, ${minutes(left_s)} left`}`;
   return { none: "", done: `Done in ${minutes(seconds)}: ${output}`, failed: message,
@@ -57,7 +59,7 @@ function update() {
   byId("render-badge").textContent = isRunning && r.of ? ` ${Math.floor(100 * r.done / r.of)} %` : "";
   document.title = `${isRunning && r.of ? `${Math.floor(100 * r.done / r.of)} % ` : ""}${S.about.name} – studio`;
   for (const id of ["render-convert", "render-preview"]) byId(id).disabled = isRunning;
-  byId("render-cancel").disabled = !isRunning;
+  byId("render-cancel").disabled = !isRunning || r.is_ending;
 }
 
 // Polls the progress of the render and of finding cuts, while either is running.
@@ -73,10 +75,10 @@ export function follow() {
 }
 
 export function openFiles() {
-  const { stem } = S.about;
-  byId("preset-name").value = stem;
-  byId("shots-name").value = stem;
-  byId("render-name").value = `${stem}_hdr`;
+  const { suggested } = S.about;
+  byId("preset-name").value = suggested;
+  byId("shots-name").value = suggested;
+  byId("render-name").value = `${suggested}_hdr`;
   byId("folder").textContent = S.about.folder;
   for (const kind of ["preset", "shots"])
     byId(`save-${kind}`).addEventListener("click", () => save(kind));

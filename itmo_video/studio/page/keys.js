@@ -64,7 +64,8 @@ function spelled(e) {
 
 function pressed(e) {
   if (e.defaultPrevented || e.altKey || document.querySelector("dialog[open]")) return;
-  const { tagName, type } = e.target;
+  // The focus leaves a dialog that was closed only when the page is drawn next.
+  const { tagName, type } = e.target.closest("dialog") ? document.body : e.target;
   const types = tagName === "SELECT" || tagName === "INPUT" && !["checkbox", "radio", "range"].includes(type);
   const moves = tagName === "INPUT" && e.key.startsWith("Arrow");
   if ((types || moves) && !e.ctrlKey) return;

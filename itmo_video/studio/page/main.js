@@ -28,7 +28,8 @@ async function open() {
       if (["b", "ab"].includes(input.value)) input.disabled = !has;
   });
   await refresh();
-  for (const event of ["state"]) document.dispatchEvent(new Event(event));
+  // A page in another browser may have changed something meanwhile.
+  window.addEventListener("focus", () => refresh().catch(failed));
   document.body.dataset.ready = "yes";
 }
 

@@ -1,7 +1,7 @@
 // A cache of pictures by frame and settings, bounded in size; never shows an outdated one.
 
 import { picture, Stale } from "./api.js";
-import { S } from "./store.js";
+import { refresh, S, shotAt } from "./store.js";
 
 const MOST_BYTES = 512 << 20, SMALL_PIXELS = 700_000;
 const held = new Map();
@@ -23,22 +23,28 @@ export function quickScale() {
   return pixels > 4 * SMALL_PIXELS ? 4 : pixels > SMALL_PIXELS ? 2 : 1;
 }
 
-function keyOf({ index, slot, part, scale }) {
-  const { version, document: { settings: s } } = S.state;
-  const look = part === "sdr" ? `${s.transfer} ${s.matrix} ${s.range} ${s.over_white}` : version;
-  return `${index} ${part} ${scale} ${part === "sdr" ? "" : slot} ${look}`;
+// The key of what a picture depends on, by the current state; the server must give the same.
+function makerOf({ index, part }) {
+  const { version, document } = S.state;
+  return part === "sdr" ? (document.shots[shotAt(index)] ?? document).source : String(version);
 }
 
-export const has = (asked) => held.get(keyOf(asked));
+const keyOf = ({ index, slot, part, scale }, maker) =>
+  `${index} ${part} ${scale} ${part === "sdr" ? "" : slot} ${maker}`;
+
+export const has = (asked) => held.get(keyOf(asked, makerOf(asked)));
 
 // Fetches a picture {index, slot, part, scale}; newer requests in the same `lane` replace it.
 export async function load(asked, lane) {
-  const key = keyOf(asked), version = S.state.version;
+  const maker = makerOf(asked), key = keyOf(asked, maker);
   if (held.has(key)) return held.get(key);
   const found = await picture({ ...asked, lane }, S.about.primaries);
   found.picture.key = key;
-  // The server renders with its current settings, which may be newer than those requested.
-  if (asked.part !== "sdr" && found.version !== version) throw new Stale();
+  if (found.madeBy !== maker) {
+    // The server has newer settings: from an edit in progress, or from another page.
+    if (maker === makerOf(asked)) await refresh();
+    throw new Stale();
+  }
   hold(key, found.picture);
   return found.picture;
 }

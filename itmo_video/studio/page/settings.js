@@ -82,7 +82,8 @@ function update() {
 }
 
 export function resetAll() {
-  const values = Object.fromEntries(Object.keys(own()).map((name) => [name, null]));
+  const names = Object.keys(own()).filter((name) => made.has(name) || name === "preset");
+  const values = Object.fromEntries(names.map((name) => [name, null]));
   if (Object.keys(values).length) edit({ do: "set", values, shot: target() });
 }
 

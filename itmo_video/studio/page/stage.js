@@ -5,7 +5,7 @@ import { bands, legend } from "viewer/false_colour.js";
 import { probe, short } from "viewer/light.js";
 import { drawScope } from "viewer/scopes.js";
 import { Screen } from "viewer/screen.js";
-import { get, Stale } from "./api.js";
+import { get, PAGE, Stale } from "./api.js";
 import { has, load, quickScale } from "./pictures.js";
 import { busy, change, failed, number, on, peak, S } from "./store.js";
 import { compared } from "./views.js";
@@ -159,7 +159,7 @@ function tell() {
 async function fetchLights() {
   if (!S.lights || S.playing) return;
   try {
-    screen.lights = await get(`api/lights?index=${S.index}&slot=${S.slot}`);
+    screen.lights = await get(`api/lights?index=${S.index}&slot=${S.slot}&page=${PAGE}`);
     screen.mark();
   } catch (error) { failed(error); }
 }

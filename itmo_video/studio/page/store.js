@@ -45,10 +45,17 @@ export function failed(error) {
   else { told(`The page failed: ${error.message}`, true); throw error; }
 }
 
+// The other pages of this studio that are open here.
+const others = new BroadcastChannel("studio");
+others.addEventListener("message", ({ data: version }) => {
+  if (S.state && version > S.state.version) refresh().catch(failed);
+});
+
 export function take(state) {
   const before = S.state;
   if (before && state.version < before.version) return;  // an outdated response
   S.state = state;
+  if (before?.version !== state.version) others.postMessage(state.version);
   emit("state");
   if (!before || before.version !== state.version) emit("look");
 }

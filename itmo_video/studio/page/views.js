@@ -1,5 +1,6 @@
 // Viewing options: view, compare, exposures, overlays, scope, zoom, and the HDR still.
 
+import { PAGE } from "./api.js";
 import { change, on, S, told } from "./store.js";
 
 const byId = (id) => document.getElementById(id);
@@ -45,7 +46,7 @@ export function showStill() {
     ? "HDR still (AVIF, PQ), shown as HDR."
     : "HDR still (AVIF, PQ). This display is not HDR, so the browser tone-maps it."); };
   image.onerror = () => told("This browser cannot show HDR stills (AVIF).", true);
-  image.src = `api/still.avif?index=${S.index}&slot=${S.slot}&v=${S.state.version}`;
+  image.src = `api/still.avif?index=${S.index}&slot=${S.slot}&page=${PAGE}&v=${S.state.version}`;
 }
 const hasHdr = () => window.matchMedia("(dynamic-range: high)").matches;
 
