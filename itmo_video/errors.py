@@ -60,7 +60,7 @@ class OutputError(ItmoError):
 
 
 class AlreadyHdrError(ItmoError):
-    """Refused: the input is HDR already."""
+    """Refused: the input is already HDR."""
 
     exit_code = 6
 

@@ -76,7 +76,7 @@ def test_06_icc_profiles_are_applied(name: str, patch: int | None, want: tuple[f
 
 
 def test_09_truncated_jpeg_is_refused() -> None:
-    with pytest.raises(InputError, match="cut short"):
+    with pytest.raises(InputError, match="truncated"):
         open_clip(report("09_truncated_jpeg/cut_full.jpg"))
 
 
@@ -192,7 +192,7 @@ def test_09_a_truncated_image_of_a_sequence_is_named(
         (tmp_path / f"s.{n}.jpg").write_bytes(image[: len(image) // 2] if n == 1 else image)
     assert main(["convert", str(tmp_path / "s.%d.jpg"), str(tmp_path / "out"), "--quiet"]) == 4
     told = capsys.readouterr().err
-    assert "frames 1 could not be decoded (s.1.jpg: it is cut short" in told
+    assert "frames 1 could not be decoded (s.1.jpg: it is truncated" in told
     assert len(list((tmp_path / "out").glob("*.exr"))) == 2
 
 

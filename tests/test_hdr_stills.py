@@ -156,7 +156,7 @@ def test_what_says_that_it_is_pq_is_refused_as_a_source(
     for name, flags in (("a.tif", []), ("a.png", []), ("h.png", ["--as", "hlg"])):
         path = made(clip, tmp_path / name, *flags)
         assert main(["convert", str(path), str(tmp_path / "o")]) == 6, name
-        assert "HDR already" in capsys.readouterr().err
+        assert "already HDR" in capsys.readouterr().err
 
 
 def test_sdr_views_are_tiff_too_and_hlg_is_not(clip: Path, tmp_path: Path) -> None:

@@ -250,7 +250,7 @@ def test_sigterm_ends_a_wait_for_input(films: dict[str, Path]) -> None:
     ("data", "args", "code", "told"),
     [
         (b"", ("convert", "-", "{out}"), 3, "standard input"),
-        (b"not a film" * 99, ("convert", "-", "{out}"), 3, "Pipe y4m"),
+        (b"not a film" * 99, ("convert", "-", "{out}"), 3, "Pipe Y4M"),
         (b"", ("convert", "-", "{out}", "--verify"), 2, "only once"),
         (b"", ("convert", "-", "{out}", "--update"), 2, "--update"),
         (b"", ("convert", "-", "{out}", "--fps", "25"), 2, "resampled"),

@@ -80,7 +80,7 @@ def test_cover_art_is_no_film(tmp_path: Path) -> None:
         tone.sample_rate, tone.pts = 48000, 0
         box.mux(sound.encode(tone))
         box.mux(sound.encode())
-    with pytest.raises(InputError, match=r"no film|no video"):
+    with pytest.raises(InputError, match="contains no video"):
         open_clip(tmp_path / "a.m4a")
 
 
@@ -293,7 +293,7 @@ def test_a_capture_cut_at_an_open_group_is_no_damage(tmp_path: Path) -> None:
         found = list(clip.frames())
         assert [f.index for f in found] == list(range(clip.info.frames))
         assert not any(f.is_damaged for f in found[1:-1])
-        assert any("begins within" in notice for notice in clip.info.notices)
+        assert any("starts in the middle" in notice for notice in clip.info.notices)
         np.testing.assert_array_equal(found[-1].planes[0], whole[-1].planes[0])
         again = next(iter(clip.frames(3)))
         np.testing.assert_array_equal(again.planes[0], found[3].planes[0])

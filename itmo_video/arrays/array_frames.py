@@ -125,7 +125,7 @@ def _codes_of_light(picture: npt.NDArray[Any], where: str) -> Code:
         raise UsageError("it holds values that are not finite", where=where)
     if high > 1:
         raise AlreadyHdrError(
-            f"its light is up to {high:g} times SDR white: it is HDR already",
+            f"its light is up to {high:g} times SDR white: it is already HDR",
             where=where,
             remedy="SDR white is 1; if it only overshoots, numpy.clip(rgb, 0, 1).",
         )

@@ -17,7 +17,7 @@ EXIT_CODES = (
     ("3", "the input cannot be read, or is not video"),
     ("4", "the input was damaged or short; what could be converted was"),
     ("5", "the output cannot be written"),
-    ("6", "refused: the input is HDR already"),
+    ("6", "refused: the input is already HDR"),
     ("7", "a check failed"),
     ("130, 143", "interrupted; finished frames are intact, the same command resumes"),
 )

@@ -46,7 +46,7 @@ def check_still_options(suffix: str, options: PreviewOptions) -> None:
 def write_still(pictures: Pictures, gate: Gate, options: PreviewOptions) -> tuple[Light, int]:
     """Write the one picture; returns its light (zeros for SDR) and the bytes written.
 
-    Raises DamagedInputError where it does not decode.
+    Raises DamagedInputError where it cannot be decoded.
     """
     suffix = gate.path.suffix.lower()
     shown_peak(pictures, options)  # is one that there can be
@@ -60,7 +60,7 @@ def write_still(pictures: Pictures, gate: Gate, options: PreviewOptions) -> tupl
 
     made = next(pictures.mapped(make), None)
     if made is None:
-        raise DamagedInputError(f"frame {pictures.numbers[0]} does not decode")
+        raise DamagedInputError(f"frame {pictures.numbers[0]} cannot be decoded")
     return made[1], gate.write(made[0])
 
 

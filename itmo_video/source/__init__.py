@@ -1,1 +1,1 @@
-"""A clip, still or image sequence as frames by number."""
+"""Reading a clip, still or image sequence as numbered frames."""

@@ -1,4 +1,4 @@
-"""Animations as clips: GIF, WebP, APNG and AVIF, composed by Pillow, at their own times."""
+"""Animations as clips: GIF, WebP, APNG and AVIF, composed by Pillow, with their own timing."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from itmo_video.source.tags import InputOptions
 
 
 class AnimationClip(Clip):
-    """An animation by frame number; frame n is what a viewer shows at its time."""
+    """An animation by frame number; frame n is what a viewer shows at that frame's time."""
 
     def __init__(
         self, path: Path, kind: StillFormat, timing: Timing, options: InputOptions
@@ -35,7 +35,7 @@ class AnimationClip(Clip):
         if not timing.lengths_s:
             raise InputError(f"cannot be decoded: {timing.damage}", where=str(path))
         self._has_alpha = timing.needs_alpha
-        self._colour: StillColour | None = None  # the first frame's, which is the file's
+        self._colour: StillColour | None = None  # the first frame's, used for the whole file
         size = stated_size(read_regular(path, PICTURE_BYTES)[:4096], kind)
         if size is not None:
             check_pixels(*size, options.max_pixels, str(path))
@@ -46,12 +46,12 @@ class AnimationClip(Clip):
         length = self._begins[-1]
         notices = list(told)
         if timing.is_lengthened:
-            notices.append("its frames of 10 ms or less are shown for 100 ms, as browsers do")
+            notices.append("frames of 10 ms or less are shown for 100 ms, as in browsers")
         if timing.damage is not None:
             notices.append(timing.damage)
         is_vfr = len(set(timing.lengths_s)) > 1
         if is_vfr:
-            notices.append("its frame rate varies: each frame keeps its own time")
+            notices.append("variable frame rate: each frame keeps its own time")
         width, height = first.size
         self.info = ClipInfo(
             path=str(path),
@@ -95,7 +95,7 @@ class AnimationClip(Clip):
                     yield self._frame(index, picture)
 
     def time_s(self, index: int) -> Fraction:
-        """When the frame is shown, as the file has it."""
+        """The time at which the frame is shown, as stored in the file."""
         return self._begins[index]
 
     def _first(self) -> StillPicture:
@@ -110,7 +110,7 @@ class AnimationClip(Clip):
         return self._of_one_form(picture)
 
     def _of_one_form(self, picture: StillPicture) -> StillPicture:
-        """8-bit RGB, with alpha where the clip has it: frames of one animation may differ."""
+        """8-bit RGB, with alpha if the clip has it: frames of one animation may differ."""
         planes: tuple[Code, ...] = picture.planes
         colours = planes[:3] if picture.family == "rgb" else (planes[0],) * 3
         if picture.bit_depth > 8:

@@ -1,4 +1,4 @@
-"""When the frames of an animation are shown, read from its blocks; what is cut short shows, too."""
+"""The timing of an animation, read from its blocks, which also reveals truncated files."""
 
 from __future__ import annotations
 
@@ -16,9 +16,10 @@ _MOST_FRAMES = 1 << 20
 
 @dataclass(frozen=True)
 class Timing:
-    """How long each frame lasts, in seconds, and why the file is damaged, None where it is whole.
+    """The duration of each frame in seconds, and why the file is damaged, None if it is intact.
 
-    `declared` is how many frames it speaks of. `needs_alpha`: later frames may uncover nothing.
+    `declared` is the number of frames in its header. `needs_alpha`: later frames may uncover the
+    empty canvas.
     """
 
     lengths_s: tuple[Fraction, ...]
@@ -53,7 +54,7 @@ def _webp(data: bytes) -> Timing:
     damage = None
     at, end = 12, 8 + int.from_bytes(data[4:8], "little")
     if end > len(data):
-        damage = f"it is cut short: {end - len(data)} bytes are missing"
+        damage = f"truncated: {end - len(data)} bytes are missing"
     while at + 8 <= min(end, len(data)) and len(lengths) < _MOST_FRAMES:
         size = int.from_bytes(data[at + 4 : at + 8], "little")
         if data[at : at + 4] == b"ANMF":
@@ -66,7 +67,7 @@ def _webp(data: bytes) -> Timing:
 
 def _gif(data: bytes) -> Timing:
     lengths: list[Fraction] = []
-    needs_alpha, damage = False, "it is cut short: its last block is missing"
+    needs_alpha, damage = False, "truncated: the last block is missing"
     delay, disposal, has_clear = Fraction(0), 0, False
     for kind, body in _gif_blocks(data):
         if kind == 0x3B:
@@ -101,7 +102,7 @@ def _gif_blocks(data: bytes) -> Iterator[tuple[int, bytes]]:
         elif kind == 0x21:
             body_at, label = at + 2, data[at + 1] if at + 1 < len(data) else 0
         else:
-            at += 1  # padding between blocks, as some writers leave it
+            at += 1  # padding between blocks, which some writers leave
             continue
         first = data[body_at + 1 : body_at + 1 + data[body_at]] if body_at < len(data) else b""
         at = body_at
@@ -122,13 +123,13 @@ def _apng(data: bytes) -> Timing:
     damage = None
     if len(shown) < facts.frames:
         missing = facts.frames - len(shown)
-        damage = f"it is cut short: {missing} of {facts.frames} frames are missing"
+        damage = f"truncated: {missing} of {facts.frames} frames are missing"
     return Timing(shown, facts.frames, damage, is_lengthened=is_changed)
 
 
 def _avif(data: bytes) -> Timing:
     times, end = avif.frame_times(data)
     if not times:
-        return Timing((), 2, "the times of its frames cannot be read")
+        return Timing((), 2, "the timing of its frames cannot be read")
     lengths = tuple(b - a for a, b in zip(times, (*times[1:], end), strict=True))
     return Timing(tuple(max(length, Fraction(1, 1000)) for length in lengths), len(times))

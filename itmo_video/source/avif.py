@@ -17,9 +17,9 @@ from itmo_video.source.still_picture import StillPicture
 
 
 def read_still(data: bytes, max_pixels: int, where: str) -> StillPicture:
-    """An AVIF by libavif; where it has more than 8 bits and one tile, its codes by FFmpeg.
+    """An AVIF decoded by libavif, or by FFmpeg if it has more than 8 bits and a single tile.
 
-    Pillow gives 8 bits of any AVIF; FFmpeg gives every bit, but of a grid the first tile.
+    Pillow gives 8 bits of any AVIF; FFmpeg gives all bits, but only the first tile of a grid.
     """
     picture = pillow_stills.read_still(data, "avif", max_pixels, where)
     tags, frame = _first_item(data, max_pixels)
@@ -28,9 +28,9 @@ def read_still(data: bytes, max_pixels: int, where: str) -> StillPicture:
     if bits == 8:
         return picture
     if picture.has_alpha or frame is None or (frame.width, frame.height) != picture.size:
-        return replace(picture, notices=(*picture.notices, f"its {bits} bits are read as 8"))
+        return replace(picture, notices=(*picture.notices, f"{bits} bits are read as 8"))
     deep = picture_of(Path(where), frame)
-    if tags is None:  # AV1's default is none; libavif and browsers take BT.601
+    if tags is None:  # AV1 has no default; libavif and browsers assume BT.601
         tags = (2, 2, 6, 1)
     is_full = int(frame.color_range) == 2
     return replace(
@@ -44,7 +44,7 @@ def read_still(data: bytes, max_pixels: int, where: str) -> StillPicture:
 
 
 def _first_item(data: bytes, max_pixels: int) -> tuple[tuple[int, int, int, int] | None, Any]:
-    """Code points and picture of the first item as FFmpeg decodes it, None where it does not."""
+    """Code points and picture of the first item as decoded by FFmpeg, None if it cannot."""
     try:
         options = {"max_pixels": decoder_limit(max_pixels)}
         box: Any = av.open(io.BytesIO(data), format="mov", options=options)
@@ -68,7 +68,7 @@ def _avif_bits(data: bytes) -> int:
 
 
 def frame_times(data: bytes) -> tuple[tuple[Fraction, ...], Fraction]:
-    """When each frame of an animation's track begins, and when the last one ends, in seconds."""
+    """The start time of each frame of an animation's track, and the end of the last, in seconds."""
     try:
         box: Any = av.open(io.BytesIO(data), format="mov")
         with box:

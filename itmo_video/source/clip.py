@@ -1,4 +1,4 @@
-"""What an open source is to all that read frames, and one at another frame rate."""
+"""The interface of an open source, and a source resampled to another frame rate."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from itmo_video.errors import UsageError
 from itmo_video.model import ClipInfo, Frame
 from itmo_video.words import counted
 
-_ROUNDING_S = Fraction(1, 1000)  # Matroska's stamps are rounded to whole milliseconds
+_ROUNDING_S = Fraction(1, 1000)  # Matroska rounds time stamps to milliseconds
 
 
 class Clip:
-    """An open source: `info` says what it is, `frames` reads it. Close it, or use `with`.
+    """An open source: `info` is its metadata, `frames` reads it. Close it, or use `with`.
 
     >>> from itmo_video import open_clip
     >>> with open_clip("clip.mkv") as clip:
@@ -26,7 +26,7 @@ class Clip:
     """
 
     info: ClipInfo
-    faults: Mapping[int, str] = MappingProxyType({})  # by index, why frames do not decode
+    faults: Mapping[int, str] = MappingProxyType({})  # by index: why a frame cannot be decoded
     reads_once = False  # a pipe: `frames` works once, from 0 on
 
     def __repr__(self) -> str:
@@ -37,19 +37,19 @@ class Clip:
     def frames(self, start: int = 0) -> Iterator[Frame]:
         """Yield the frames from index `start` on, in presentation order, the same whatever `start`.
 
-        Frames that do not decode are left out, so indices may have gaps. Raises
-        DamagedInputError at the first frame that has another size or format than the clip's first.
-        Independent iterators may run side by side, also in threads.
+        Frames that cannot be decoded are left out, so indices may have gaps. Raises
+        DamagedInputError at the first frame whose size or format differs from the first frame's.
+        Independent iterators may run in parallel, also in threads.
         """
         raise NotImplementedError
 
     def time_s(self, index: int) -> Fraction:
-        """Presentation time of the frame `index` in seconds, as the file has it."""
+        """The presentation time of the frame at `index` in seconds, as stored in the file."""
         raise NotImplementedError
 
     @property
     def last_length_s(self) -> Fraction:
-        """How long the last frame is shown, in seconds: at a variable rate, its own time."""
+        """The duration of the last frame in seconds; at a variable rate, its own."""
         info, usual = self.info, 1 / self.info.frame_rate
         if not info.is_vfr or info.frames < 1:
             return usual
@@ -57,7 +57,7 @@ class Clip:
         return rest if rest > 0 else usual
 
     def close(self) -> None:
-        """Release the source; files that frames are being read from stay open until that ends."""
+        """Release the source; files still being read stay open until the reading ends."""
 
     def __enter__(self) -> Clip:
         return self
@@ -67,16 +67,16 @@ class Clip:
 
 
 def first_number(info: ClipInfo, asked: int | None) -> int:
-    """The number of a clip's first frame as files are named: its own, `asked`, or 1.
+    """The number of a clip's first frame in file names: its own, `asked`, or 1.
 
-    Raises UsageError where another one is asked for than an image sequence has.
+    Raises UsageError if `asked` differs from the first number of an image sequence.
     """
     own = info.first_number
     if asked is None:
         return 1 if own is None else own
     if own not in (None, asked) and info.container == "image sequence":
         raise UsageError(
-            f"an image sequence keeps its own numbers, from {own} on",
+            f"an image sequence keeps its own numbers, which start at {own}",
             where=info.path,
             remedy="Omit --start-number.",
         )
@@ -84,10 +84,10 @@ def first_number(info: ClipInfo, asked: int | None) -> int:
 
 
 class Resampled(Clip):
-    """A clip at a constant frame rate: at each of its times the source's frame shown then.
+    """A clip at a constant frame rate: each frame is the source's frame shown at that time.
 
-    All numbers count resampled frames, from the source's first time on. Frames that do not decode
-    leave gaps as in the source.
+    All numbers count resampled frames, from the source's first time stamp on. Frames that cannot be
+    decoded leave gaps as in the source.
     """
 
     def __init__(self, clip: Clip, rate: Fraction) -> None:
@@ -108,15 +108,15 @@ class Resampled(Clip):
             is_vfr=False,
             timecode=None,
             frames_declared=None,
-            notices=(*clip.info.notices, f"resampled to {rate} frames a second"),
+            notices=(*clip.info.notices, f"resampled to {rate} fps"),
         )
 
     def time_s(self, index: int) -> Fraction:
-        """Presentation time of the resampled frame `index` in seconds."""
+        """The presentation time of the resampled frame at `index` in seconds."""
         return self._begin + index / self._rate
 
     def frames(self, start: int = 0) -> Iterator[Frame]:
-        """Yield resampled frames; one of the source may come several times or not at all."""
+        """Yield resampled frames; a source frame may be repeated or dropped."""
         position = start
         if start >= len(self._sources):
             return

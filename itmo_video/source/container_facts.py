@@ -1,4 +1,4 @@
-"""A video stream's facts from its container's own boxes, whichever container it is."""
+"""Facts about a video stream from its container's boxes, for any supported container."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from itmo_video.source.track_facts import TrackFacts
 
 
 def track_of(path: Path, container: Any, stream: Any) -> TrackFacts:
-    """The facts of an opened container's stream; none where its boxes say nothing."""
+    """The facts about an open container's stream; empty if its boxes contain none."""
     name = str(container.format.name)
     if name.startswith("mov"):
         return iso_boxes.video_tracks(path).get(int(stream.id), TrackFacts())

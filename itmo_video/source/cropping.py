@@ -1,4 +1,4 @@
-"""Cutting a decoded picture's planes to what its container says is to be shown."""
+"""Cropping a decoded picture's planes to the visible area stated by its container."""
 
 from __future__ import annotations
 
@@ -7,18 +7,18 @@ from dataclasses import replace
 from itmo_video.model import Code, Encoding
 from itmo_video.source.planes import full_chroma
 
-Crop = tuple[int, int, int, int]  # left, top, right, bottom: pixels to leave out
+Crop = tuple[int, int, int, int]  # left, top, right, bottom: pixels to remove
 
 
 def cropped_size(size: tuple[int, int], crop: Crop | None) -> tuple[int, int]:
-    """(width, height) of what is left."""
+    """(width, height) after cropping."""
     if crop is None:
         return size
     return size[0] - crop[0] - crop[2], size[1] - crop[1] - crop[3]
 
 
 def usable(crop: Crop | None, size: tuple[int, int]) -> Crop | None:
-    """The crop, None where it is none or would leave nothing."""
+    """The crop, None if it is empty or would leave nothing."""
     if crop is None or min(crop) < 0 or not any(crop):
         return None
     width, height = cropped_size(size, crop)
@@ -28,9 +28,9 @@ def usable(crop: Crop | None, size: tuple[int, int]) -> Crop | None:
 def cropped(
     planes: tuple[Code, ...], encoding: Encoding, crop: Crop
 ) -> tuple[tuple[Code, ...], Encoding]:
-    """The planes without the rows and columns at their edges that are not shown.
+    """The planes without the cropped rows and columns.
 
-    Where subsampled chroma would be cut between two of its samples, it is brought to full size.
+    Subsampled chroma that would be cut between two of its samples is upsampled to full size.
     """
     height, width = planes[0].shape
     if encoding.family == "ycbcr":

@@ -1,4 +1,4 @@
-"""A video stream decoded from a key packet on, wherever a seek lands."""
+"""Decoding a video stream from a key packet on, wherever a seek lands."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from itmo_video.errors import InputError
 from itmo_video.source.ffv1_slices import packet_check
 from itmo_video.source.packets import Packets, decoder_limit, open_video, read_packets
 
-_INDEXED = ("mov", "matroska", "avi", "mxf")  # containers that are read by whole packets
+_INDEXED = ("mov", "matroska", "avi", "mxf")  # containers that are read in whole packets
 
 Way = Literal["lenient", "strict"]
 Numbered = tuple[int, Any, bool]  # index, decoded frame, whether it is damaged
@@ -22,7 +22,7 @@ Numbered = tuple[int, Any, bool]  # index, decoded frame, whether it is damaged
 
 @dataclass(frozen=True)
 class Decoder:
-    """A stream's frames as they decode; opens the file anew for each reader."""
+    """Decodes a stream's frames; each reader opens the file separately."""
 
     path: Path
     max_pixels: int
@@ -38,10 +38,10 @@ class Decoder:
     ) -> Iterator[Any]:
         """Decode from a key packet (place, pts, dts) on, None for the first.
 
-        By one thread; "strict" fails at what a decoder would otherwise conceal. `on_error` is given
-        each packet that fails, None for the end, and says whether to stop.
+        Single-threaded; "strict" fails where a decoder would otherwise conceal errors. `on_error`
+        receives each packet that fails (None at the end) and returns whether to stop.
         """
-        # By either stamp, as containers differ in what they seek by; else from further back.
+        # By pts or dts, as containers differ in what they seek by; otherwise from further back.
         stamps: list[int | None] = [None]
         if entry is not None:
             before = [key[1] for key in self.packets.keys if key[0] < entry[0]][-2:]
@@ -61,8 +61,8 @@ class Decoder:
     def _after_seek(
         self, container: Any, stream: Any, place: int, stamp: int
     ) -> Iterator[Any] | None:
-        """Packets from the one at `place` on, wherever the seek lands; None if it lands later."""
-        # Without an index a seek lands within a packet, whose rest then bears a whole one's stamp.
+        """Packets from the one at `place` on, wherever a seek lands; None if that is too late."""
+        # Without an index a seek may land within a packet, whose rest gets a whole packet's stamp.
         is_whole = str(container.format.name).startswith(_INDEXED)
         try:
             container.seek(stamp, stream=stream, backward=True)
@@ -80,7 +80,7 @@ class Decoder:
 
 
 def decoder_of(stream: Any, max_pixels: int, way: Way = "lenient") -> Any:
-    """The stream's decoder, of one thread; libvpx for VP8 and VP9 with alpha, as others drop it."""
+    """The stream's single-threaded decoder; libvpx for VP8/VP9 with alpha, as others drop it."""
     context = stream.codec_context
     name = {"vp8": "libvpx", "vp9": "libvpx-vp9"}.get(str(context.name))
     if name and stream.metadata.get("alpha_mode") == "1" and name in av.codecs_available:
@@ -93,7 +93,7 @@ def decoder_of(stream: Any, max_pixels: int, way: Way = "lenient") -> Any:
 
 
 def _with_true_sums(packets: Iterator[Any], on_error: Callable[[Any], bool]) -> Iterator[Any]:
-    """FFV1's packets up to one whose check sums tell of damage, where `on_error` says to stop."""
+    """FFV1's packets up to one whose checksums fail and for which `on_error` returns true."""
     is_sound = packet_check()
     for packet in packets:
         if packet.size and not is_sound(bytes(packet)) and on_error(packet):
@@ -106,7 +106,7 @@ def decode_all(
     packets: Iterator[Any],
     on_error: Callable[[Any], bool] = lambda packet: False,
 ) -> Iterator[Any]:
-    """Frames of packets in presentation order, past those that fail; flushes at the end."""
+    """The frames of packets in presentation order, skipping failures; flushes at the end."""
     while True:
         packet = next(packets, None)
         try:
@@ -115,7 +115,7 @@ def decode_all(
             frames = []
             if on_error(packet):
                 return
-        except ValueError as error:  # PyAV 19 where FFmpeg has no decoder for the stream
+        except ValueError as error:  # PyAV 19 if FFmpeg has no decoder for the stream
             raise InputError("its video codec is not supported") from error
         yield from frames
         if packet is None or packet.size == 0:

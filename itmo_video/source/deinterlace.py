@@ -1,4 +1,4 @@
-"""Interlaced frames to whole ones by FFmpeg's bwdif: one out for each one in."""
+"""Deinterlacing by FFmpeg's bwdif, one progressive frame for each interlaced one."""
 
 from __future__ import annotations
 
@@ -9,19 +9,19 @@ from typing import Any
 
 import av
 
-LEAD_IN = 4  # frames decoded ahead, so that the first one wanted has its neighbours
+LEAD_IN = 4  # frames decoded before the first one wanted, so that it has neighbours
 
 Picture = tuple[int, Any, bool]  # index, decoded frame, whether it is damaged
 
 
 def can_deinterlace(frame: Any, is_forced: bool) -> bool:
-    """Whether the filter takes frames of this size and format."""
+    """Whether the filter accepts frames of this size and format."""
     if min(frame.width, frame.height) < 4:
         return False
     graph = _graph(frame, is_forced, Fraction(1))
     graph.vpush(frame)
     graph.vpush(None)
-    # Formats that the filter does not take would be converted unseen.
+    # Formats that the filter does not support would be converted silently.
     return bool(graph.vpull().format.name == frame.format.name)
 
 
@@ -31,10 +31,10 @@ def deinterlaced(
     time_base: Fraction,
     is_same: Callable[[Any], bool],
 ) -> Iterator[Picture]:
-    """Yield each frame deinterlaced, from itself and its two neighbours, with its own index.
+    """Yield each frame, deinterlaced from itself and its two neighbours, with its index.
 
-    Progressive frames pass as they are unless `is_forced`. The first frame for which `is_same` is
-    false comes out untouched, as the last one.
+    Progressive frames pass unchanged unless `is_forced`. The first frame for which `is_same` is
+    false is yielded unchanged, as the last one.
     """
     graph, waiting = None, deque[tuple[int, bool]]()
     for index, decoded, is_damaged in pictures:

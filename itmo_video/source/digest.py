@@ -1,8 +1,8 @@
-"""A source's content by its hash, and whether its files are still what they were.
+"""The hash of a source's content, and a check that its files have not changed.
 
-XXH3 with 128 bits (package xxhash): 15 GB/s a core here, so the disk decides; BLAKE3 makes 3, the
-standard library's SHA-256 1.5, and 0.4 without the processor's help. It tells films apart; it is no
-proof against somebody who makes two films of one hash on purpose, who would harm only himself.
+XXH3 with 128 bits (package xxhash) hashes 15 GB/s per core here, so the disk is the limit; BLAKE3
+reaches 3, the standard library's SHA-256 1.5, or 0.4 without hardware support. It tells films
+apart; it does not withstand deliberate collisions, which would harm only their maker.
 """
 
 from __future__ import annotations
@@ -22,12 +22,12 @@ from itmo_video.source import remembered
 
 _BLOCK = 4 << 20
 _WORTH_REMEMBERING = 64 << 20  # bytes; smaller files are hashed faster than looked up
-_SETTLED_S = 2.0  # younger files may change again within a tick of their time stamp
-_MOST_BYTES = 1 << 46  # beyond any film: a sparse file that somebody made to keep us busy
+_SETTLED_S = 2.0  # newer files may change again within the resolution of their time stamp
+_MOST_BYTES = 1 << 46  # larger than any film: a sparse file made to keep us busy
 
 
 class Stamp(NamedTuple):
-    """What changes when a file is written to or another one takes its name."""
+    """The values that change when a file is modified or replaced."""
 
     device: int
     inode: int
@@ -36,9 +36,9 @@ class Stamp(NamedTuple):
 
 
 class SourceFiles:
-    """The files that a clip is read from, as they were when it was opened.
+    """The files of a clip, in their state when it was opened.
 
-    Of a sequence some may be missing, or be no files at all: they are gaps.
+    Some of a sequence may be missing or not be regular files; they are gaps.
     """
 
     def __init__(self, paths: Iterable[Path], most_bytes: int = _MOST_BYTES) -> None:
@@ -47,9 +47,9 @@ class SourceFiles:
         self._stamps = {path: _stamp(path) for path in paths}
 
     def digest(self) -> str:
-        """32 hex digits of the content of all, not of their names; each is read whole.
+        """The hash (32 hex digits) of the content of all files, not of their names.
 
-        Raises DamagedInputError where one changes meanwhile.
+        Raises DamagedInputError if a file changes meanwhile.
         """
         if len(self._stamps) == 1:
             (path,) = self._stamps
@@ -64,28 +64,28 @@ class SourceFiles:
         return together.hexdigest()
 
     def check(self, path: Path) -> None:
-        """Raise DamagedInputError unless `path` is what it was."""
+        """Raise DamagedInputError if `path` has changed."""
         before = self._stamps[path]
         now = _stamp(path)
         if now == before:
             return
         what = "was removed" if now is None else "changed"
         raise ReplacedInputError(
-            f"it {what} while it was read",
+            f"the file {what} while it was being read",
             where=os.fspath(path),
             remedy="Restore it, then run the same command again.",
         )
 
 
 def content_digest(paths: Sequence[Path]) -> str:
-    """The digest of these files as they are now; see SourceFiles."""
+    """The digest of these files in their present state; see SourceFiles."""
     return SourceFiles(paths).digest()
 
 
 def file_digest(path: Path) -> str:
-    """32 hex digits of a file's whole content; raises InputError where it cannot be read.
+    """The hash (32 hex digits) of a file's content; raises InputError if it cannot be read.
 
-    Remembered for large files, and made again when their size, times or inode change.
+    Cached for large files, and recomputed when their size, times or inode change.
     """
     found = os.stat(path)
     is_settled = time.time() - max(found.st_mtime, found.st_ctime) > _SETTLED_S
@@ -93,7 +93,7 @@ def file_digest(path: Path) -> str:
     if is_worth_it and (known := remembered.digest(path, found)) is not None:
         return known
     if found.st_size > _MOST_BYTES:
-        raise InputError(f"has {found.st_size} bytes, which is not a film", where=os.fspath(path))
+        raise InputError(f"has {found.st_size} bytes: too large for a film", where=os.fspath(path))
     content = xxhash.xxh3_128()
     block = bytearray(_BLOCK)
     view = memoryview(block)

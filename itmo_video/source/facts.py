@@ -1,4 +1,4 @@
-"""A clip's facts in plain words, for `info` and `--dry-run`."""
+"""A clip's metadata in readable form, for `info` and `--dry-run`."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from itmo_video.model import ClipInfo
 
 
 def clip_facts(info: ClipInfo) -> dict[str, Any]:
-    """The clip's metadata and what is assumed, as JSON values."""
+    """The clip's metadata and the assumptions made about it, as JSON values."""
     encoding = info.encoding
     width, height = info.display_size
     facts: dict[str, Any] = {

@@ -1,4 +1,4 @@
-"""The check sums of FFV1's slices, which its decoder reads, names in a log and passes over."""
+"""Checksums of FFV1's slices, whose errors the decoder logs and otherwise ignores."""
 
 from __future__ import annotations
 
@@ -6,15 +6,15 @@ import zlib
 from collections.abc import Callable
 
 _FOOTER_BYTES = 8  # slice_size (24 bits), error_status, slice_crc_parity (RFC 9043, 4.9)
-_STARTS = (0, 0x7A8C4079)  # of the sum: of version 3, and of ec 2 in FFmpeg's version 4
+_STARTS = (0, 0x7A8C4079)  # initial CRC: of version 3, and of ec 2 in FFmpeg's version 4
 _MIRRORED = bytes(int(f"{byte:08b}"[::-1], 2) for byte in range(256))
 
 
 def packet_check() -> Callable[[bytes], bool]:
-    """A function that says of one packet after another of a stream whether it is sound.
+    """A function that checks one packet of a stream after another.
 
-    Streams without check sums are sound. A packet whose slices do not add up to it is not, once one
-    before it had check sums.
+    Streams without checksums pass. Once a packet had checksums, a later packet whose slices do not
+    add up to its size fails.
     """
     seen = False
 
@@ -31,7 +31,7 @@ def packet_check() -> Callable[[bytes], bool]:
 
 
 def slices_of(packet: bytes) -> list[bytes] | None:
-    """The slices of a packet, the last first, by their footers; None where they do not add up."""
+    """The slices of a packet, last first, by their footers; None if they do not add up."""
     found, end = [], len(packet)
     while end > 0:
         size = int.from_bytes(packet[max(0, end - _FOOTER_BYTES) : end][:3], "big") + _FOOTER_BYTES
@@ -43,9 +43,9 @@ def slices_of(packet: bytes) -> list[bytes] | None:
 
 
 def _remainder(part: bytes) -> int:
-    """0 where the CRC-32 over a slice and its own sum comes out even (RFC 9043, 4.9.3).
+    """The CRC-32 over a slice including its checksum, 0 if it is intact (RFC 9043, 4.9.3).
 
-    Its bits go from the most significant on, zlib's from the least: so bytes are mirrored first.
+    FFV1's CRC is most significant bit first, zlib's least: so the bits of bytes are reversed first.
     """
     mirrored = part.translate(_MIRRORED)
     return min(_sum_from(start, mirrored) for start in _STARTS)

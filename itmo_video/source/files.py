@@ -1,6 +1,6 @@
-"""A file's metadata before its frames are read: container, packets, tags, content.
+"""Checks on a file before its frames are read.
 
-Nothing but local files in known containers is opened, and no picture larger than the limit.
+Only local files in known containers are opened, and no picture larger than the limit.
 """
 
 from __future__ import annotations
@@ -11,14 +11,14 @@ from pathlib import Path
 from itmo_video.errors import InputError
 from itmo_video.regular_file import open_regular
 
-PICTURE_BYTES = 1 << 30  # a file of one picture, at most: it is read whole
+PICTURE_BYTES = 1 << 30  # the largest file of a single picture, as it is read at once
 
 
 # ---- files ----
 
 
 def check_file(path: Path) -> None:
-    """Raise InputError unless there is a readable, regular file with something in it."""
+    """Raise InputError unless `path` is a readable, regular, non-empty file."""
     if path.is_dir():
         raise InputError(
             "is a folder, not a clip",
@@ -27,9 +27,9 @@ def check_file(path: Path) -> None:
         )
     if any(mark in path.name for mark in "*?[") and not os.path.lexists(path):
         raise InputError(
-            "no such file, and no shell filled in its pattern",
+            "no such file: the pattern was not expanded by a shell",
             where=str(path),
-            remedy="Leave the quotes out, or name a sequence by its digits: img.%04d.png.",
+            remedy="Remove the quotes, or give a sequence by its digits: img.%04d.png.",
         )
     with open_regular(path) as file:
         if os.fstat(file.fileno()).st_size == 0:
@@ -40,10 +40,10 @@ def check_file(path: Path) -> None:
 
 
 def check_pixels(width: int, height: int, max_pixels: int, where: str) -> None:
-    """Raise InputError for pictures that are larger than the limit."""
+    """Raise InputError if pictures are larger than the limit."""
     if width * height > max_pixels:
         raise InputError(
-            f"{width}x{height} is more than {max_pixels} pixels a frame",
+            f"{width}x{height} exceeds the limit of {max_pixels} pixels per frame",
             where=where,
-            remedy="Raise --max-pixels if that is meant.",
+            remedy="Raise --max-pixels if this is intended.",
         )

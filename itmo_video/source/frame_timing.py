@@ -1,4 +1,4 @@
-"""How fast a stream's frames follow each other, by their stamps; and what is said of stamps."""
+"""The frame rate of a stream by its time stamps, and notices about them."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from itmo_video.words import counted
 
 
 def timing(stream: Any, packets: Packets, time_base: Fraction) -> tuple[Fraction, Fraction, bool]:
-    """Frames a second, length in seconds, and whether the rate varies."""
+    """The frame rate, the length in seconds, and whether the rate varies."""
     rate = Fraction(stream.average_rate or stream.guessed_rate or 25)
     count = len(packets.pts)
     step = packet_step(packets.pts) if packets.is_exact else None
@@ -24,10 +24,10 @@ def timing(stream: Any, packets: Packets, time_base: Fraction) -> tuple[Fraction
     measured = 1 / (step * time_base)
     rate = rate if 0.8 < rate / measured < 1.25 or rate < measured else measured
     length = (packets.pts[-1] - packets.pts[0] + step) * time_base
-    # Where a file is cut off, its last frames lack some of those shown before them.
+    # In a truncated file, some frames shown before the last ones are missing.
     whole = packets.pts[:-16] if count > 48 or (packets.declared or 0) > count else packets.pts
     steps = np.diff(np.asarray(whole, np.int64))
-    # Matroska counts in whole milliseconds, so steps of a constant rate differ by one.
+    # Matroska counts in milliseconds, so intervals at a constant rate differ by one.
     if steps.size == 0:
         return rate, length, False
     if int(np.ptp(steps)) <= max(1, step // 50):
@@ -37,13 +37,13 @@ def timing(stream: Any, packets: Packets, time_base: Fraction) -> tuple[Fraction
     if film is not None:
         return film, count / film, True
     length += ((packets.last_length or step) - step) * time_base
-    return count / length, length, True  # so that the sequence lasts as long as the clip
+    return count / length, length, True  # the mean, so that a sequence lasts as long as the clip
 
 
 def _constant(stated: Sequence[Fraction], steps: npt.NDArray[Any], time_base: Fraction) -> Fraction:
-    """The first stated rate at which frames come when their stamps say, or the stamps' own.
+    """The first stated rate that agrees with the time stamps, or else the rate by time stamps.
 
-    A container's mean counts its last frame's length too, which cuts and edits leave as they may.
+    A container's mean rate includes its last frame's duration, which edits may leave at any value.
     """
     span, differ = int(steps.sum()), int(np.ptp(steps))
     for rate in stated:
@@ -53,7 +53,7 @@ def _constant(stated: Sequence[Fraction], steps: npt.NDArray[Any], time_base: Fr
 
 
 def _pulled_down(steps: npt.NDArray[Any], time_base: Fraction) -> Fraction | None:
-    """The rate of film whose frames are shown for two and three fields in turn, None for others."""
+    """The rate of film in 3:2 pulldown, None for anything else."""
     short, long = int(steps.min()), int(steps.max())
     is_near = np.minimum(np.abs(steps - short), np.abs(steps - long)) <= max(1, short // 50)
     part = float(np.mean(np.abs(steps - short) < np.abs(steps - long)))
@@ -65,33 +65,33 @@ def _pulled_down(steps: npt.NDArray[Any], time_base: Fraction) -> Fraction | Non
 
 
 def timing_notices(packets: Packets, rate: Fraction, is_vfr: bool) -> list[str]:
-    """What is said of a rate that varies, and of a file that is cut short."""
+    """Notices about a variable rate and about a truncated file."""
     told = []
     if is_vfr:
         told.append(
-            "its frame rate varies: each frame keeps its own time; framesPerSecond is the mean, "
-            f"{float(rate):.4g} (--fps N makes it constant)"
+            "variable frame rate: each frame keeps its own time; framesPerSecond is the mean, "
+            f"{float(rate):.4g} (use --fps N for a constant rate)"
         )
     missing = (packets.declared or 0) - len(packets.pts)
     if missing > 0:
-        told.append(f"it is cut short: {words.missing(missing, 'frame')} at its end")
+        told.append(f"truncated: {words.missing(missing, 'frame')} at the end")
     return told
 
 
 def packet_notices(packets: Packets) -> list[str]:
-    """What is out of the ordinary about a stream's packets."""
+    """Notices about irregularities of a stream's packets."""
     told: list[str] = []
     if packets.has_jumps:
-        told.append("its time stamps jump, as of joined captures: made continuous")
+        told.append("time stamps jump, as in joined captures: made continuous")
     elif not packets.is_exact:
-        told.append("its time stamps are incomplete: frames are counted from the start")
+        told.append("time stamps are incomplete: frames are counted from the start")
     if packets.repeats:
         told.append(
-            f"{counted(len(packets.repeats), 'empty chunk')}: each repeats the frame before it"
+            f"{counted(len(packets.repeats), 'empty chunk')}: each repeats the previous frame"
         )
     if packets.left_out:
         told.append(
-            "it begins within a group of pictures: what is shown before its first whole frame, "
-            f"{counted(packets.left_out, 'frame')}, is left out"
+            "starts in the middle of a group of pictures: "
+            f"{counted(packets.left_out, 'frame')} before the first complete one left out"
         )
     return told

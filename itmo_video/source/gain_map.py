@@ -1,4 +1,4 @@
-"""Whether a still carries an HDR gain map, which is left out: the picture read is its SDR one."""
+"""Detecting HDR gain maps in stills; only the SDR base picture is read."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ _MARKS = (
 )
 
 NOTICE = (
-    "it carries an HDR gain map, which is not used: its SDR picture is read. For the HDR picture "
-    "that it was made with, decode the gain map (libultrahdr, or export HDR from a photo editor)"
+    "contains an HDR gain map, which is ignored: the SDR base picture is read. For the original "
+    "HDR picture, apply the gain map (libultrahdr, or export HDR from a photo editor)"
 )
 
 
 def has_gain_map(data: bytes, kind: str) -> bool:
-    """Whether the file's bytes speak of a gain map of any of the known kinds."""
+    """Whether the file contains a gain map of any known kind."""
     if kind not in ("jpeg", "heif", "avif", "jpegxl"):
         return False
     if kind in ("heif", "avif") and b"tmap" in data[:65536]:  # ISO 21496-1's derived item

@@ -1,4 +1,4 @@
-"""A GIF's canvas, clear where no frame has painted yet, as browsers show it (GIF89a, 18 to 23)."""
+"""A GIF's canvas, transparent until a frame paints on it, as in browsers (GIF89a, 18 to 23)."""
 
 from __future__ import annotations
 
@@ -6,8 +6,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
 
-_TO_BACKGROUND = 2  # disposal; browsers leave it clear, whatever the background colour
-# A picture of one clear pixel, kept: on it Pillow makes the whole canvas clear.
+_TO_BACKGROUND = 2  # disposal; browsers clear to transparent, whatever the background colour
+# A transparent picture of one pixel: with it first, Pillow starts with a transparent canvas.
 _CLEAR = (
     bytes([0x21, 0xF9, 4, 0x05, 0, 0, 0, 0])
     + bytes([0x2C, 0, 0, 0, 0, 1, 0, 1, 0, 0x80])
@@ -34,10 +34,10 @@ class _Area:
 
 
 def on_clear_canvas(data: bytes) -> tuple[bytes, int]:
-    """The file, with a clear picture before its first where some canvas shows uncovered.
+    """The file, with a transparent picture put first if part of the canvas shows.
 
-    Also how many pictures were put before (0 or 1). Pillow fills such canvas with a colour of the
-    palette, unless the first frame has a transparent one.
+    Also returns the number of pictures added (0 or 1). Pillow fills such canvas with a colour of
+    the palette, unless the first frame has a transparent one.
     """
     areas = list(_areas(data))
     if not areas or areas[0].has_clear:
@@ -50,7 +50,7 @@ def on_clear_canvas(data: bytes) -> tuple[bytes, int]:
 
 
 def uncovers(data: bytes) -> bool:
-    """Whether a frame is taken away again and the next one does not hide its place."""
+    """Whether a frame is removed and the next one does not cover its area."""
     return _uncovers(list(_areas(data)))
 
 

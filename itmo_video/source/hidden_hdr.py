@@ -1,4 +1,4 @@
-"""HDR that no transfer tag speaks of: Dolby Vision with its own base, HDR10 metadata, log."""
+"""HDR without a transfer tag: Dolby Vision, HDR10 metadata, and camera log."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ _HDR10_SIDES = {
 }
 _UNTAGGED = (0, 2)
 MAP_TO_SDR = (
-    "Map it to SDR first (libplacebo: ffmpeg -vf libplacebo=colorspace=bt709...); if it is SDR "
-    "after all, --transfer bt1886, or --force-sdr."
+    "Tone-map it to SDR first (libplacebo: ffmpeg -vf libplacebo=colorspace=bt709...); if it is "
+    "SDR after all, use --transfer bt1886 or --force-sdr."
 )
 UNDO_LOG = (
-    "Bring it to display-referred SDR first, by the camera's own LUT or transform; if it is SDR "
-    "after all, --force-sdr."
+    "Convert it to display-referred SDR first, with the camera's LUT or transform; if it is SDR "
+    "after all, use --force-sdr."
 )
 _LOG_NAMES = re.compile(
     r"\b(s-?log-?[23]?|slog[23]?|c-?log-?[23]?|canon log ?[23]?|v-?log(?:-?l)?|d-?log(?:-?m)?|"
@@ -38,11 +38,11 @@ _XML = re.compile(
     rb'(?:CaptureGammaEquation|GammaEquation|CaptureTransferFunction)"?\s*(?:value="|>)([^"<]{1,40})',
     re.IGNORECASE,
 )
-_ENDS = 1 << 20  # cameras write their XML near the file's start or end
+_ENDS = 1 << 20  # cameras write their XML near the start or the end of the file
 
 
 def dolby_vision_words(track: TrackFacts, frame: Any, transfer: int) -> str | None:
-    """Why a stream is Dolby Vision that is no SDR, None where it is not, or is tagged anyway."""
+    """Why a stream is non-SDR Dolby Vision, None if it is not or has a transfer tag."""
     record = track.dolby_vision
     if record is not None:
         if record.compatibility == 2 or (record.compatibility in (1, 4) and transfer in (16, 18)):
@@ -50,48 +50,48 @@ def dolby_vision_words(track: TrackFacts, frame: Any, transfer: int) -> str | No
         base = {1: "HDR10", 4: "HLG"}.get(
             record.compatibility, "IPT-PQ, which no player shows as is"
         )
-        return f"it is Dolby Vision profile {record.profile}: its base layer is {base}"
+        return f"Dolby Vision profile {record.profile}: its base layer is {base}"
     if transfer not in _UNTAGGED:
         return None
     if track.sample_entry in _DOLBY_ENTRIES:
-        return f"it is Dolby Vision (sample entry {track.sample_entry})"
+        return f"Dolby Vision (sample entry {track.sample_entry})"
     if any(kind.startswith("DOVI") for kind in _side_data(frame)):
-        return "its frames carry Dolby Vision metadata and no transfer tag"
+        return "frames have Dolby Vision metadata but no transfer tag"
     return None
 
 
 def hdr10_words(frame: Any, transfer: int) -> str | None:
-    """Why a stream is HDR10 whose transfer tag was lost, None where it is tagged or has no sign."""
+    """Why a stream is HDR10 whose transfer tag was lost, None if it is tagged or shows no sign."""
     if transfer not in _UNTAGGED:
         return None
     found = [_HDR10_SIDES[name] for name in _side_data(frame) if name in _HDR10_SIDES]
     if not found:
         return None
-    return f"its frames carry HDR10 metadata ({', '.join(found)}) and no transfer tag"
+    return f"frames have HDR10 metadata ({', '.join(found)}) but no transfer tag"
 
 
 def log_words(path: Path | None, metadata: Iterable[Mapping[str, str]]) -> str | None:
-    """Which camera's log its metadata name, in words; None where they name none.
+    """The camera log named by a clip's metadata, in words; None if there is none.
 
-    `path` is None for a stream that is no file.
+    `path` is None for a stream that is not a file.
     """
     for tags in metadata:
         for name, value in tags.items():
             found = _LOG_NAMES.search(value) if _ABOUT_CURVES.search(name) else None
             if found:
-                return f"its metadata say that it is {found[0]} ({name})"
+                return f"log footage by its metadata: {found[0]} ({name})"
     for block in _both_ends(path) if path else ():
         for match in _XML.finditer(block):
             value = match[1].decode("latin-1")
             if _LOG_NAMES.search(value):
-                return f"the camera's metadata say that its gamma is {value}"
+                return f"log footage by the camera's metadata: gamma {value}"
     return None
 
 
 def _side_data(frame: Any) -> list[str]:
     try:
         sides = frame.side_data
-        # By index: iterated, it gives keys from PyAV 19 on.
+        # By index, because iteration yields keys from PyAV 19 on.
         return [str(sides[index].type.name) for index in range(len(sides))]
     except ValueError:  # PyAV 18 does not know every kind of side data
         return []

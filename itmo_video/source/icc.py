@@ -1,8 +1,8 @@
-"""ICC profiles of stills: curves and primaries read; known ones named, others applied.
+"""ICC profiles of stills: known curves and primaries are recognised, others applied.
 
-Matrix and grey profiles (ICC.1:2022, F.3 and F.2) are applied here in floats, so that 16 bits stay
-16 bits; profiles with tables are LittleCMS's (lut_profile). Rendering is relative colorimetric:
-the profile's white is white.
+Matrix and grey profiles (ICC.1:2022, F.3 and F.2) are applied here in floats, to keep the
+precision of 16 bits; LittleCMS applies profiles with tables (lut_profile). Rendering is relative
+colorimetric: the profile's white is white.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ Curve = Callable[[Float64], Float64]
 
 D50_XYZ = (0.9642, 1.0, 0.8249)  # the profile connection space's white
 _MOST_BYTES = 16 << 20
-_NEAR_LIGHT, _NEAR_XYZ = 1e-3, 2.5e-3  # how far a known curve or primary may be off
+_NEAR_LIGHT, _NEAR_XYZ = 1e-3, 2.5e-3  # tolerance for recognising a curve or primary
 _KNOWN_CURVES: tuple[Transfer, ...] = ("srgb", "gamma22", "linear", "bt1886")
 _KNOWN_PRIMARIES: tuple[Primaries, ...] = ("rec709", "p3d65", "adobergb", "rec2020")
 _STRIP_ROWS = 64
@@ -37,15 +37,15 @@ _PQ_POINTS = 4096
 
 
 class ProfileError(ValueError):
-    """Why a profile cannot be used, in words."""
+    """A profile that cannot be used; the message says why."""
 
 
 @dataclass(frozen=True)
 class Profile:
     """A profile's class of colour ("RGB", "GRAY", "CMYK", ...), its curves and colorants.
 
-    `curves` are one a channel, from code (0 to 1) to light; `to_xyz` takes linear RGB to the XYZ of
-    D50. Both are None where the profile has tables instead (`has_tables`).
+    `curves` has one per channel, from code (0 to 1) to light; `to_xyz` converts linear RGB to D50
+    XYZ. Both are None if the profile has tables instead (`has_tables`).
     """
 
     space: str
@@ -56,9 +56,9 @@ class Profile:
 
 
 def read_profile(data: bytes) -> Profile:
-    """Parse a profile; raises ProfileError where it is damaged or for another use."""
+    """Parse a profile; raises ProfileError if it is damaged or of another class."""
     if len(data) < 132 or data[36:40] != b"acsp" or len(data) > _MOST_BYTES:
-        raise ProfileError("it is no ICC profile")
+        raise ProfileError("it is not an ICC profile")
     space = data[16:20].decode("latin-1").strip()
     tags = _tags(data)
     tables = next((tags[name] for name in (b"A2B1", b"A2B0") if name in tags), None)
@@ -73,11 +73,11 @@ def read_profile(data: bytes) -> Profile:
             return Profile(space, curves, np.array(columns).T, False, data)
     except (KeyError, struct.error, IndexError) as error:
         raise ProfileError("it is damaged or lacks curves or colorants") from error
-    raise ProfileError(f"its colours are {space}")
+    raise ProfileError(f"its colour space is {space}")
 
 
 def named_curve(profile: Profile) -> Transfer | None:
-    """The known transfer that all of a profile's curves are, None for others."""
+    """The known transfer function that all curves of a profile match, None if there is none."""
     if profile.curves is None:
         return None
     codes = np.linspace(0, 1, 1024)
@@ -89,7 +89,7 @@ def named_curve(profile: Profile) -> Transfer | None:
 
 
 def named_primaries(profile: Profile) -> Primaries | None:
-    """The known primaries that a profile's colorants are, None for others."""
+    """The known primaries that a profile's colorants match, None if there are none."""
     if profile.to_xyz is None:
         return None
     for name in _KNOWN_PRIMARIES:
@@ -99,20 +99,20 @@ def named_primaries(profile: Profile) -> Primaries | None:
 
 
 def to_srgb_curve(profile: Profile, grey: Code, bit_depth: int) -> Code:
-    """Grey codes by the profile's (first) curve as 16-bit codes of the sRGB curve."""
+    """Grey codes converted by the profile's (first) curve to 16-bit sRGB-curve codes."""
     assert profile.curves is not None
     return recoded(profile.curves[0], grey, bit_depth)
 
 
 def recoded(curve: Curve, plane: Code, bit_depth: int) -> Code:
-    """Codes by a curve from code to light, both in 0..1, as 16-bit codes of the sRGB curve."""
+    """Codes converted by a curve from code to light, both in 0..1, to 16-bit sRGB-curve codes."""
     return np.asarray(_coded(curve(_levels(bit_depth)))[plane], np.uint16)
 
 
 def to_rec2020(profile: Profile, planes: tuple[Code, ...], bit_depth: int) -> tuple[Code, ...]:
-    """RGB codes by a matrix profile as 16-bit codes: Rec. 2020's primaries, the sRGB curve.
+    """RGB codes converted by a matrix profile to 16 bits, Rec. 2020 primaries, the sRGB curve.
 
-    What lies outside Rec. 2020 is clipped to it; white is exactly 65535.
+    Colours outside Rec. 2020 are clipped; white is exactly 65535.
     """
     assert profile.curves is not None
     assert profile.to_xyz is not None
@@ -131,14 +131,14 @@ def to_rec2020(profile: Profile, planes: tuple[Code, ...], bit_depth: int) -> tu
 
 
 def rec2020_profile() -> bytes:
-    """A profile of Rec. 2020's primaries with the sRGB curve, for LittleCMS to convert to."""
+    """A profile with Rec. 2020 primaries and the sRGB curve, as LittleCMS's destination."""
     return matrix_profile(_d50_matrix("rec2020"))
 
 
 def pq_profile() -> bytes:
-    """A profile of Rec. 2020's primaries with PQ, as code points (cicp) and as a curve of it all.
+    """A profile with Rec. 2020 primaries and PQ, as code points (cicp) and as a full curve.
 
-    Programs that know no PQ show 10000 nits as white. ICC.1:2022, 9.2.17 and 10.3.
+    Programs without PQ support show 10000 nits as white. ICC.1:2022, 9.2.17 and 10.3.
     """
     light = pq_nits(np.linspace(0, 1, _PQ_POINTS)) / PQ_PEAK_NITS
     points = np.rint(light * 65535).astype(">u2")
@@ -147,7 +147,7 @@ def pq_profile() -> bytes:
 
 
 def code_points_of(data: bytes) -> tuple[int, int, int, int] | None:
-    """(primaries, transfer, matrix, full range) by H.273 of a profile that says them (cicp)."""
+    """A profile's code points (cicp): (primaries, transfer, matrix, full range) by H.273."""
     try:
         tag = _tags(data)[b"cicp"]
         primaries, transfer, matrix, is_full = struct.unpack_from(">4B", tag, 8)
@@ -163,7 +163,7 @@ def matrix_profile(
     curve: bytes | None = None,
     code_points: tuple[int, int, int, int] | None = None,
 ) -> bytes:
-    """An ICC v4 matrix profile of D50 colorants, with the sRGB curve, a power, or a curve's tag."""
+    """An ICC v4 matrix profile of D50 colorants, with the sRGB curve, a power, or a curve tag."""
 
     def fixed(*values: float) -> bytes:
         return struct.pack(f">{len(values)}i", *(round(value * 65536) for value in values))
@@ -220,7 +220,7 @@ def _tags(data: bytes) -> dict[bytes, bytes]:
     for i in range(min(count, 200)):
         entry = data[132 + 12 * i : 144 + 12 * i]
         if len(entry) < 12:
-            raise ProfileError("it is cut short")
+            raise ProfileError("it is truncated")
         name, at, size = struct.unpack(">4sII", entry)
         tags[name] = data[at : at + size]
     return tags
@@ -239,17 +239,17 @@ def _curve(tag: bytes) -> Curve:
             return lambda code: code
         values = np.frombuffer(tag, ">u2", count, 12) if len(tag) >= 12 + 2 * count else None
         if values is None:
-            raise ProfileError("one of its curves is cut short")
+            raise ProfileError("one of its curves is truncated")
         if count == 1:
             gamma = float(values[0]) / 256
             return lambda code: code**gamma
         points, table = np.linspace(0, 1, count), values / 65535
         return lambda code: np.interp(code, points, table)
     if tag[:4] != b"para":
-        raise ProfileError("one of its curves is of a kind that is not known")
+        raise ProfileError("one of its curves is of an unknown type")
     (kind,) = struct.unpack_from(">H", tag, 8)
     if kind > 4:
-        raise ProfileError("one of its curves is of a kind that is not known")
+        raise ProfileError("one of its curves is of an unknown type")
     count = (1, 3, 4, 5, 7)[kind]
     numbers = [value / 65536 for value in struct.unpack_from(f">{count}i", tag, 12)]
     g, a, b, c, d, e, f = numbers + [0.0] * (7 - count)

@@ -1,4 +1,4 @@
-"""What an MP4 or MOV file says of its video tracks that FFmpeg keeps (ISO/IEC 14496-12)."""
+"""Facts about video tracks in MP4 and MOV that FFmpeg does not expose (ISO/IEC 14496-12)."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from pathlib import Path
 from itmo_video.regular_file import open_regular
 from itmo_video.source.track_facts import TrackFacts, dolby_vision
 
-_MOST_BYTES = 64 << 20  # of the box moov, which is read whole
+_MOST_BYTES = 64 << 20  # of the moov box, which is read at once
 _MOST_BOXES = 100_000
 
 
 def video_tracks(path: Path) -> dict[int, TrackFacts]:
-    """Facts of the video tracks by their track numbers; nothing where the boxes are damaged."""
+    """Facts about the video tracks by track number; empty if the boxes are damaged."""
     try:
         moov = _moov(path)
         tracks = [_track(box) for name, box in _boxes(moov) if name == b"trak"]
@@ -87,7 +87,7 @@ def _track(trak: bytes) -> tuple[int, TrackFacts] | None:
 def _clean_aperture(
     clap: bytes | None, width: int, height: int
 ) -> tuple[int, int, int, int] | None:
-    """(left, top, right, bottom) pixels to leave out (12.1.4); None where nothing is."""
+    """(left, top, right, bottom) pixels to crop (12.1.4); None if nothing is cropped."""
     if clap is None or len(clap) < 32:
         return None
     n = struct.unpack(">IIIIiIiI", clap[:32])

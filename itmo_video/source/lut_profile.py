@@ -1,4 +1,4 @@
-"""ICC profiles with tables, of RGB, grey and inks, applied by LittleCMS (Pillow) in 8 bits."""
+"""ICC profiles with tables, for RGB, grey and CMYK, applied by LittleCMS (Pillow) in 8 bits."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from itmo_video.source.still_picture import split
 
 
 def to_rec2020(image: Any, profile: bytes) -> tuple[Code, ...]:
-    """R, G, B of a Pillow image (modes L, RGB, CMYK): Rec. 2020's primaries, the sRGB curve.
+    """A Pillow image (modes L, RGB, CMYK) as R, G, B: Rec. 2020 primaries, the sRGB curve.
 
-    8 bits. Relative colorimetric. Raises ProfileError where LittleCMS cannot use the profile.
+    8 bits, relative colorimetric. Raises ProfileError if LittleCMS cannot use the profile.
     """
     from PIL import ImageCms
 
@@ -35,7 +35,7 @@ def to_rec2020(image: Any, profile: bytes) -> tuple[Code, ...]:
 
 
 def image_of(planes: tuple[Code, ...], bit_depth: int) -> Any:
-    """A Pillow image of 8 bits of grey or R, G, B planes."""
+    """An 8-bit Pillow image from grey or R, G, B planes."""
     from PIL import Image
 
     shift = bit_depth - 8

@@ -1,4 +1,4 @@
-"""What a Matroska file says of its video tracks that FFmpeg keeps (RFC 9559)."""
+"""Facts about video tracks in Matroska that FFmpeg does not expose (RFC 9559)."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _HEAD_BYTES, _MOST_TRACKS_BYTES = 4096, 8 << 20
 
 
 def video_tracks(path: Path) -> list[TrackFacts]:
-    """Facts of the video tracks in their order; nothing where the elements are damaged."""
+    """Facts about the video tracks in order; empty if the elements are damaged."""
     try:
         tracks = [dict_of(entry) for kind, entry in _elements(_tracks(path)) if kind == _ENTRY]
         return [_facts(track) for track in tracks if _number(track.get(_TYPE, [b""])[0]) == 1]
@@ -26,7 +26,7 @@ def video_tracks(path: Path) -> list[TrackFacts]:
 
 
 def _tracks(path: Path) -> bytes:
-    """The body of the element Tracks, which stands before the first Cluster."""
+    """The body of the Tracks element, which precedes the first Cluster."""
     with open_regular(path) as file:
         at = 0
         for _ in range(1000):
@@ -43,7 +43,7 @@ def _tracks(path: Path) -> bytes:
 
 
 def _element_head(data: bytes, at: int) -> tuple[int, int, int]:
-    """(id, size of the body, bytes of the head) of an element (RFC 8794, 4 to 6)."""
+    """(id, body size, header size in bytes) of an element (RFC 8794, 4 to 6)."""
     first = data[at]
     id_length = 9 - first.bit_length()
     kind = int.from_bytes(data[at : at + id_length], "big")

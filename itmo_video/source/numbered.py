@@ -1,4 +1,4 @@
-"""Pictures that a shell listed one by one, put together to the sequences that they are."""
+"""Combining pictures that a shell listed one by one into image sequences."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _LAST_NUMBER = re.compile(r"(.*?)([0-9]+)([^0-9]*)", re.DOTALL)
 
 @dataclass(frozen=True)
 class Listed:
-    """An input as given, or the pattern of a sequence; `numbers` where only those were listed."""
+    """An input as given, or a sequence's pattern; `numbers` if only some frames were listed."""
 
     source: str
     numbers: tuple[int, ...] | None = None
@@ -26,7 +26,7 @@ class Listed:
 
 @dataclass(frozen=True)
 class _Numbered:
-    """A picture's name in three: what comes before its last number, that, and what follows."""
+    """A picture's name in three parts: before its last number, the number, and after it."""
 
     before: str
     digits: str
@@ -34,15 +34,15 @@ class _Numbered:
 
 
 def together(inputs: Sequence[str]) -> tuple[list[Listed], list[str]]:
-    """Inputs with pictures of one name and consecutive numbers as one sequence, and what to say.
+    """Inputs with consecutively numbered pictures combined into sequences, and notices.
 
-    The others stay as they are, in their order.
+    Other inputs stay unchanged, in order.
     """
-    groups: dict[tuple[str, str], dict[str, str]] = {}  # digits and path by the rest of the name
+    groups: dict[tuple[str, str], dict[str, str]] = {}  # digits to path, by the rest of the name
     for position, path in enumerate(inputs):
         name = _numbered(path)
         if name is None or name.digits in groups.get((name.before, name.after), {}):
-            groups[path, str(position)] = {"": path}  # alone, and so is what is given twice
+            groups[path, str(position)] = {"": path}  # a single input, or a picture given twice
         else:
             groups.setdefault((name.before, name.after), {})[name.digits] = path
     found: list[Listed] = []
@@ -57,18 +57,18 @@ def together(inputs: Sequence[str]) -> tuple[list[Listed], list[str]]:
         if numbers[-1] - numbers[0] + 1 > len(numbers):
             found += [Listed(path) for path in paths]
             told.append(
-                f"{paths[0]} and {len(paths) - 1} more have gaps between their numbers, so each is "
-                f"a picture of its own; a sequence would be given as {pattern}"
+                f"the numbers of {paths[0]} and {len(paths) - 1} more have gaps, so each is read "
+                f"as a single picture; to read a sequence, give {pattern}"
             )
             continue
         there = sequence(_absolute(pattern))
         found.append(Listed(pattern, None if len(there) == len(numbers) else tuple(numbers)))
-        told.append(f"{len(paths)} pictures are one sequence, {pattern}")
+        told.append(f"{len(paths)} pictures are read as one sequence, {pattern}")
     return found, told
 
 
 def _numbered(path: str) -> _Numbered | None:
-    """The parts of a still picture's name; None for all else."""
+    """The parts of a still picture's name; None for anything else."""
     folder, name = os.path.split(path)
     stem, suffix = os.path.splitext(name)
     match = _LAST_NUMBER.fullmatch(stem)
@@ -79,12 +79,12 @@ def _numbered(path: str) -> _Numbered | None:
         if kind_of(_absolute(path)) is None:
             return None
     except InputError:
-        return None  # it is told when it is opened
+        return None  # reported when it is opened
     return _Numbered(os.path.join(folder, match[1]), match[2], match[3] + suffix)
 
 
 def _pattern(before: str, after: str, digits: Sequence[str]) -> str | None:
-    """The names as one pattern; None where zeros in front of the numbers do not agree."""
+    """The names as one pattern; None if they differ in zero padding."""
     least = min(map(len, digits))
     if any(len(text) > least and text[0] == "0" for text in digits):
         return None

@@ -1,6 +1,6 @@
-"""Stills by OpenImageIO: PNG, JPEG, TIFF, JPEG 2000, DPX, BMP, PNM and PSD, in 8 and 16 bits.
+"""Stills read by OpenImageIO: PNG, JPEG, TIFF, JPEG 2000, DPX, BMP, PNM, PSD in 8 and 16 bits.
 
-The only module that imports OpenImageIO, and only inside functions: most runs read films.
+The only module that imports OpenImageIO, and only inside functions, as most runs read films.
 """
 
 from __future__ import annotations
@@ -29,15 +29,15 @@ from itmo_video.source.still_picture import (
 
 _MOST_CHANNELS = 8
 _SEPARATED, _LAB = 5, (8, 9, 10)  # TIFF's PhotometricInterpretation: inks; CIELab, ICCLab, ITULab
-_HEAD_BYTES = 1 << 20  # in which a header ends, whatever boxes come first
+_HEAD_BYTES = 1 << 20  # large enough for any header, whatever boxes come first
 _DPX_TRANSFERS = {1: 9, 2: 8, 3: 9, 5: 1, 6: 1, 7: 1, 8: 1, 9: 1, 10: 1}  # SMPTE 268M to H.273
 
 
 def read_still(path: Path, kind: StillFormat, max_pixels: int) -> StillPicture | None:
-    """Decode a still whole; None where its colours are inks (CMYK), which need a profile.
+    """Decode a still; None if its colours are CMYK, which need a profile.
 
-    Raises DamagedInputError where it is not whole, InputError for more than `max_pixels` (before
-    they are allocated) and for pixels that are no picture, AlreadyHdrError for floats.
+    Raises DamagedInputError if it is incomplete, InputError for more than `max_pixels` (before
+    allocation) and for unsupported pixels, AlreadyHdrError for floats.
     """
     import OpenImageIO
 
@@ -68,7 +68,7 @@ def read_still(path: Path, kind: StillFormat, max_pixels: int) -> StillPicture |
 
 @contextmanager
 def _utf8_name(path: Path) -> Iterator[str]:
-    """The file's name; of one that is not UTF-8, which OpenImageIO takes not, a link's."""
+    """The file's name, or a link to it if it is not UTF-8, which OpenImageIO does not accept."""
     try:
         os.fspath(path).encode()
     except UnicodeEncodeError:
@@ -87,17 +87,17 @@ def _check(spec: Any, max_pixels: int, where: str) -> None:
     check_pixels(width, height, max_pixels, where)
     form = str(spec.format)
     if form in ("half", "float", "double"):
-        raise AlreadyHdrError(f"its pixels are floating-point ({form}): it is HDR", where=where)
+        raise AlreadyHdrError(f"floating-point pixels ({form}): it is already HDR", where=where)
     if form.startswith("int"):
-        raise InputError(f"its pixels have signs ({form}), so they are no picture", where=where)
+        raise InputError(f"signed pixels ({form}) are not supported", where=where)
     if spec.get_int_attribute("tiff:PhotometricInterpretation", -1) in _LAB:
         raise InputError(
-            "its colours are CIE L*a*b*, not RGB",
+            "colours are CIE L*a*b*, which is not supported",
             where=where,
-            remedy="Convert it to RGB in the program it comes from, and give that.",
+            remedy="Convert it to RGB in the program that created it.",
         )
     if spec.nchannels > _MOST_CHANNELS:
-        raise InputError(f"it has {spec.nchannels} channels, so it is not a picture", where=where)
+        raise InputError(f"pictures with {spec.nchannels} channels are not supported", where=where)
 
 
 def _is_inks(spec: Any) -> bool:
@@ -110,7 +110,7 @@ def _several(reader: Any, kind: StillFormat) -> tuple[str, ...]:
     if kind != "tiff" or not reader.seek_subimage(1, 0):
         reader.geterror()
         return ()
-    return ("it has several pages: the first one is read",)
+    return ("several pages: only the first one is read",)
 
 
 def _picture(
@@ -122,14 +122,14 @@ def _picture(
     alpha_at = spec.alpha_channel
     has_alpha = colours <= alpha_at < count
     if kind == "bmp" and has_alpha and not planes[alpha_at].any():
-        has_alpha = False  # the fourth byte of old headers means nothing
+        has_alpha = False  # the fourth byte of old headers is meaningless
     if count > colours + has_alpha:
         notices += (f"only {colours + has_alpha} of its {count} channels are read",)
     planes = (*planes[:colours], *((planes[alpha_at],) if has_alpha else ()))
     is_straight = kind != "tiff" or spec.get_int_attribute("oiio:UnassociatedAlpha", 0) == 1
     if has_alpha and not is_straight:
         planes, bits = straight(planes, bits), 16
-        notices += ("its colours come multiplied by alpha: divided",)
+        notices += ("colours are premultiplied by alpha: unpremultiplied",)
     profile = spec.getattribute("ICCProfile")
     return StillPicture(
         codec=kind,
@@ -148,7 +148,7 @@ def _picture(
 
 
 def _tags(path: Path, kind: StillFormat) -> tuple[int, int, int, int] | None:
-    """What a header says of colour beside a profile, by H.273's numbers."""
+    """A header's colour information other than a profile, by H.273's numbers."""
     if kind not in ("dpx", "jpeg2000"):
         return None
     with open_regular(path) as file:
@@ -162,4 +162,4 @@ def _tags(path: Path, kind: StillFormat) -> tuple[int, int, int, int] | None:
 
 def _reason(told: str) -> str:
     first = told.strip().splitlines()[0] if told.strip() else ""
-    return f"it does not decode ({first})" if first else "it does not decode"
+    return f"cannot be decoded ({first})" if first else "cannot be decoded"

@@ -1,4 +1,4 @@
-"""The frame reader: a clip, still or image sequence as numbered frames of integer codes."""
+"""Opening a clip, still or image sequence as numbered frames of integer codes."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ from itmo_video.source.video import VideoClip
 def open_clip(path: str | Path, options: InputOptions | None = None) -> Clip:
     """Open a video file, a still image or a numbered sequence (`img.%04d.png`, `img.####.png`).
 
-    With `options.fps` it is resampled to that rate; a sequence of images has it. Raises InputError
-    when it cannot be read and AlreadyHdrError when it is HDR already.
+    With `options.fps` a clip is resampled to that rate; an image sequence is given it. Raises
+    InputError if it cannot be read and AlreadyHdrError if it is already HDR.
 
     >>> from itmo_video import open_clip
     >>> with open_clip("clip.mkv") as clip:
@@ -36,10 +36,9 @@ def open_clip(path: str | Path, options: InputOptions | None = None) -> Clip:
     options, path = checked(options, InputOptions, "options"), checked_path(path, "path")
     if options.raw is not None:
         raise UsageError(
-            "raw frames come through a pipe, and this is a file",
+            "--raw is for raw frames from a pipe, and this is a file",
             where=os.fspath(path),
-            remedy="Pipe it in (itmo-video convert - OUTPUT_DIR --raw ... < FILE), or leave --raw"
-            " out.",
+            remedy="Pipe it in (itmo-video convert - OUTPUT_DIR --raw ... < FILE), or omit --raw.",
         )
     absolute = Path(os.path.abspath(path))
     clip: Clip
@@ -54,13 +53,13 @@ def open_clip(path: str | Path, options: InputOptions | None = None) -> Clip:
             clip = AnimationClip(absolute, kind, timed, options)
         else:
             clip = StillClip(absolute, {0: absolute}, options)
-    if options.fps is None or isinstance(clip, StillClip):  # images have no times of their own
+    if options.fps is None or isinstance(clip, StillClip):  # images have no time stamps
         return clip
     return Resampled(clip, options.fps)
 
 
 def input_files(path: str | Path) -> list[Path]:
-    """The files that `open_clip` reads for `path`; none where there is no such file."""
+    """The files that `open_clip` reads for `path`; empty if there is no such file."""
     absolute = Path(os.path.abspath(path))
     if os.path.lexists(absolute) or not is_pattern(absolute):
         return [absolute]
@@ -71,7 +70,7 @@ def input_files(path: str | Path) -> list[Path]:
 
 
 def is_film(path: Path) -> bool:
-    """Whether `open_clip` reads `path` as a container, which has stamps and may hold sound."""
+    """Whether `open_clip` reads `path` as a container, with time stamps and possibly sound."""
     is_file = os.path.lexists(path) or not is_pattern(path)
     if is_file:
         files.check_file(path)
@@ -79,19 +78,19 @@ def is_film(path: Path) -> bool:
 
 
 def frames_at(clip: Clip, indices: Sequence[int]) -> Iterator[Frame]:
-    """The clip's frames at rising indices; raises DamagedInputError where one does not decode."""
+    """The frames at rising indices; raises DamagedInputError if one cannot be decoded."""
     frames = clip.frames(indices[0]) if indices else iter(())
     for index in indices:
         frame = next((found for found in frames if found.index >= index), None)
         if frame is None or frame.index != index:
             raise DamagedInputError(
-                f"frame {index} of the source does not decode", where=clip.info.path
+                f"frame {index} of the source cannot be decoded", where=clip.info.path
             )
         yield frame
 
 
 def input_options(settings: Settings, max_pixels: int = 2**27) -> InputOptions:
-    """The part of the settings that says how the source is read."""
+    """The settings that determine how the source is read."""
     return InputOptions(
         transfer=settings.transfer,
         matrix=settings.matrix,

@@ -1,4 +1,4 @@
-"""A container's video stream: opened safely, its packets scanned without decoding."""
+"""Opening a container safely, and scanning its video stream's packets without decoding."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from itmo_video.source.files import check_file, check_pixels
 from itmo_video.source.streams import choose_video
 from itmo_video.untrusted import parse_rational
 
-# No playlists and no demuxer that opens a second file: those could read other local files.
+# No playlists and no demuxers that open a second file, as these could read other local files.
 CONTAINERS = (
     "mov,mp4,m4a,3gp,3g2,mj2,matroska,webm,avi,mpeg,mpegts,mpegvideo,mxf,ogg,flv,asf,gif,apng,"
     "ivf,h264,hevc,av1,obu,m4v,mjpeg,yuv4mpegpipe,nut,wtv,dv,rm,mpjpeg,ingenient,vc1,swf,roq,smk,"
@@ -27,14 +27,14 @@ CONTAINERS = (
     "wav,flac,w64,aiff,caf,ac3,eac3,dts,truehd,amr,au,voc,tta,ape,wv"
 )
 
-# Tags that are not UTF-8 keep their bytes (as surrogates), as PyAV does by itself from 19 on.
+# Tags that are not UTF-8 keep their bytes (as surrogates), as is the default from PyAV 19 on.
 TAG_ERRORS: dict[str, Any] = (
     {"metadata_errors": "surrogateescape"} if int(av.__version__.split(".")[0]) < 19 else {}
 )
 
 
 BROADCAST = ("mpegts", "mpeg")
-_JUMP_S = 10  # stamps further apart than this in a broadcast stream are a join
+_JUMP_S = 10  # stamps further apart than this in a broadcast stream are a splice
 _AVI_CHUNK_BYTES = 8  # of a chunk's header, at least
 
 
@@ -42,14 +42,14 @@ _AVI_CHUNK_BYTES = 8  # of a chunk's header, at least
 class Packets:
     """The frames of a stream by their packets, found without decoding.
 
-    `pts` are those of the frames, sorted, in ticks; `order` maps every packet's pts to its place
-    in the file and its size. `keys` are (place, pts, dts) of the packets at which decoding can
-    start. Not `is_exact`: stamps are missing, not unique or no times of presentation, so frames
-    must be counted by decoding. `declared` is how many frames the container speaks of, None where
-    it does not. `repeats` are stamps of frames without a packet, each of which repeats the frame
-    before it. `last_length` is how long the last one is shown, in ticks, 0 where that is not said.
-    `left_out` frames before the first key packet are none of the clip's. `has_jumps`: stamps jump,
-    as where captures are joined, so they are no times.
+    `pts` are those of the frames, sorted, in ticks; `order` maps each packet's pts to its place in
+    the file and its size. `keys` are (place, pts, dts) of the packets at which decoding can start.
+    Not `is_exact`: stamps are missing, not unique or not presentation times, so frames must be
+    counted by decoding. `declared` is the container's frame count, None if it states none.
+    `repeats` are stamps of frames without a packet, which repeat the previous frame. `last_length`
+    is the duration of the last frame in ticks, 0 if unknown. `left_out` is the number of frames
+    before the first key packet, which are not part of the clip. `has_jumps`: stamps jump, as in
+    joined captures, so they are not times.
     """
 
     pts: tuple[int, ...]
@@ -63,7 +63,7 @@ class Packets:
     has_jumps: bool = False
 
     def index_of(self, pts: int | None) -> int | None:
-        """Give the frame's number by its pts, None for a stamp that no packet has."""
+        """The frame's number by its pts, None for a stamp that no packet has."""
         if pts is None:
             return None
         at = bisect_right(self.pts, pts) - 1
@@ -71,7 +71,7 @@ class Packets:
 
 
 def open_container(path: Path, max_pixels: int) -> Any:
-    """Open a container, a regular file in one of CONTAINERS; raises InputError for all else."""
+    """Open a container, a regular file in one of CONTAINERS; otherwise raises InputError."""
     check_file(path)
     options = {
         "protocol_whitelist": "file",
@@ -79,20 +79,20 @@ def open_container(path: Path, max_pixels: int) -> Any:
         "max_pixels": decoder_limit(max_pixels),
     }
     try:
-        # An absolute path, so that a colon in the name is not taken for a protocol.
+        # An absolute path, so that a colon in the name is not mistaken for a protocol.
         return av.open(os.path.abspath(path), options=options, **TAG_ERRORS)
     except (av.FFmpegError, OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or str(error)
-        raise InputError(f"is not a video that can be read ({reason})", where=str(path)) from error
+        raise InputError(f"is not a readable video ({reason})", where=str(path)) from error
 
 
 @contextmanager
 def open_video(path: Path, max_pixels: int, number: int | None = None) -> Iterator[tuple[Any, Any]]:
-    """Open a container and its film, ready to decode: (container, stream).
+    """Open a container and its video stream, ready to decode: (container, stream).
 
-    The stream with that number in the file, by default as `choose_video` says. Raises InputError
-    when it cannot be opened, has no video, is encrypted, its codec is unknown or its frames are
-    larger than `max_pixels`.
+    The stream with that number in the file, by default the one that `choose_video` picks. Raises
+    InputError if it cannot be opened, has no video, is encrypted, has an unknown codec, or has
+    frames larger than `max_pixels`.
     """
     where = str(path)
     container = open_container(path, max_pixels)
@@ -105,16 +105,16 @@ def open_video(path: Path, max_pixels: int, number: int | None = None) -> Iterat
 
 
 def decoder_limit(max_pixels: int) -> str:
-    """FFmpeg's own limit: with room for the padding that it counts in, as ours is exact."""
+    """FFmpeg's limit, which must leave room for the padding that it includes; ours is exact."""
     return str(min(2 * max_pixels + (1 << 20), 2**31 - 1))
 
 
 def read_packets(container: Any, stream: Any) -> Iterator[Any]:
-    """Yield a stream's packets up to the end or to where reading fails."""
+    """Yield a stream's packets up to the end or until reading fails."""
     while True:
         try:
             yield from container.demux(stream)
-        except IndexError:  # PyAV 18 at a stream that begins later on; reading can go on behind it
+        except IndexError:  # PyAV 18 at a stream that starts later; reading can continue after it
             continue
         except (av.FFmpegError, OSError):
             pass
@@ -122,9 +122,9 @@ def read_packets(container: Any, stream: Any) -> Iterator[Any]:
 
 
 def scan_packets(container: Any, stream: Any) -> Packets:
-    """Read all packets without decoding: which frames there are, and where decoding can start.
+    """Read all packets without decoding to find the frames and where decoding can start.
 
-    Damage ends the scan without an error: what was read until there is what there is.
+    Damage ends the scan without an error; the packets read so far are used.
     """
     stamps: list[int | None] = []
     shown: list[int] = []
@@ -163,7 +163,7 @@ def scan_packets(container: Any, stream: Any) -> Packets:
 
 
 class Jumps:
-    """Watches a broadcast stream's stamps in the file's order for jumps back, or far ahead."""
+    """Detects jumps backwards or far ahead in the stamps of a broadcast stream, in file order."""
 
     def __init__(self, stream: Any) -> None:
         name = str(stream.container.format.name)
@@ -172,7 +172,7 @@ class Jumps:
         self._reach = round(_JUMP_S / Fraction(stream.time_base)) if name in BROADCAST else None
 
     def see(self, stamp: int | None) -> bool:
-        """Whether this stamp jumps from the one before."""
+        """Whether this stamp jumps relative to the previous one."""
         if stamp is None or self._reach is None:
             return False
         last, self._last = self._last, stamp
@@ -184,16 +184,16 @@ class Jumps:
 def _empty_chunks(
     container: Any, stream: Any, shown: list[int], declared: int | None
 ) -> frozenset[int]:
-    """Stamps of an AVI's empty chunks, which mean "as before"; AVI counts its stamps by chunks."""
+    """Stamps of an AVI's empty chunks, which repeat a frame; AVI derives stamps from chunks."""
     if str(container.format.name) != "avi" or not shown or (declared or 0) <= len(shown):
         return frozenset()
     last = max(shown)
     if int(stream.start_time or 0) + int(stream.frames) - 1 > last and _is_whole_riff(container):
         last = int(stream.start_time or 0) + int(stream.frames) - 1
     if last - min(shown) >= 2 * int(stream.frames):
-        return frozenset()  # its stamps count something else
+        return frozenset()  # its stamps do not count chunks
     if last - min(shown) > os.stat(container.name).st_size // _AVI_CHUNK_BYTES:
-        return frozenset()  # its header counts more chunks than the file has room for
+        return frozenset()  # its header states more chunks than fit into the file
     return frozenset(range(min(shown), last + 1)) - set(shown)
 
 
@@ -204,14 +204,14 @@ def _is_whole_riff(container: Any) -> bool:
 
 
 def prepare_decoder(stream: Any, max_pixels: int, where: str) -> None:
-    """Set a stream's decoder up within the limits; raises InputError for encrypted or too large."""
+    """Set up a stream's decoder; raises InputError if it is encrypted or its frames too large."""
     context = stream.codec_context
     if str(context.codec_tag) in ("encv", "drmi"):
-        raise InputError("it is encrypted", where=where)
+        raise InputError("the video is encrypted", where=where)
     check_pixels(context.width, context.height, max_pixels, where)
     options = {"max_pixels": decoder_limit(max_pixels)}
     if context.name == "h264":
-        # Else a stream that does not tell its delay has frames dropped near wherever one starts.
+        # Otherwise frames near a seek point are dropped in streams that do not state their delay.
         options["strict"] = "1"
     context.options = options
 
@@ -224,10 +224,10 @@ def is_hidden(packet: Any, codec: str) -> bool:
 def _declared_frames(
     container: Any, stream: Any, count: int, pts: list[int], tail: tuple[int, int]
 ) -> int | None:
-    """How many frames the file should have; `tail` is the last packet's size and its end."""
+    """The number of frames the file should have; `tail` is the last packet's size and end."""
     name = str(container.format.name)
     if name == "yuv4mpegpipe" and count:
-        # To FFmpeg a damaged FRAME line, and a frame that was cut, are the end of the stream.
+        # FFmpeg takes a damaged FRAME line or a truncated frame for the end of the stream.
         size, end = tail
         rest = os.stat(container.name).st_size - end
         return count - (-rest // (size + len(b"FRAME\n")))
@@ -235,7 +235,7 @@ def _declared_frames(
         return max(len(stream.index_entries), count)
     if name == "avi" and stream.frames:
         return max(int(stream.frames), count)
-    length = stream.metadata.get("DURATION", "")  # Matroska; written when the file was finished
+    length = stream.metadata.get("DURATION", "")  # Matroska; written when the file is finalised
     rate = stream.average_rate
     if not length or not rate or not pts:
         return None
@@ -249,7 +249,7 @@ def _declared_frames(
 
 
 def packet_step(pts: Sequence[int]) -> int | None:
-    """Give the middle distance of sorted or unsorted stamps in ticks, None for fewer than two."""
+    """The median interval of stamps in ticks, sorted or not; None for fewer than two."""
     if len(pts) < 2:
         return None
     return int(np.median(np.diff(np.sort(np.asarray(pts, np.int64)))))

@@ -1,7 +1,7 @@
-"""Stills and animations by Pillow (WebP, GIF, APNG, AVIF, QOI, inks) and pillow-heif (HEIC).
+"""Stills and animations read by Pillow (WebP, GIF, APNG, AVIF, QOI, CMYK) and pillow-heif (HEIC).
 
-The only module that imports them, and only inside functions. Pillow's readers are made directly,
-not by `Image.open`, whose limit of pixels belongs to the whole process.
+The only module that imports them, and only inside functions. Pillow's readers are created
+directly, as the pixel limit of `Image.open` is global to the process.
 """
 
 from __future__ import annotations
@@ -19,20 +19,20 @@ from itmo_video.source.gif_canvas import on_clear_canvas
 from itmo_video.source.still_formats import StillFormat
 from itmo_video.source.still_picture import StillColour, StillPicture, exif_turn, split, straight
 
-# Whatever a library raises for a file it was handed: the file is at fault, not we.
+# Anything that a library raises for a file means that the file is at fault.
 _FAULTS = (
     OSError, SyntaxError, ValueError, TypeError, KeyError, IndexError, EOFError, RuntimeError,
     OverflowError, ZeroDivisionError, AttributeError, MemoryError, AssertionError,
 )  # fmt: skip
 
 
-_NOT_DECODED = (0, 136, 0)  # Y'CbCr of 0, 0, 0, which no encoder makes of a green
+_NOT_DECODED = (0, 136, 0)  # Y'CbCr 0, 0, 0, a green that no encoder produces
 _MOST_NOT_DECODED = 2000  # pixels; HEVC's blocks have up to 4096
 
 
 @contextmanager
 def opened(data: bytes, kind: StillFormat, max_pixels: int, where: str) -> Iterator[Any]:
-    """A Pillow image of a file's bytes, not decoded yet; its size is within the limit."""
+    """A Pillow image of a file's bytes, not yet decoded; its size is within the limit."""
     from PIL import (
         AvifImagePlugin,
         GifImagePlugin,
@@ -65,18 +65,18 @@ def opened(data: bytes, kind: StillFormat, max_pixels: int, where: str) -> Itera
 
 @contextmanager
 def decoding(where: str, also: tuple[type[BaseException], ...] = ()) -> Iterator[None]:
-    """Turn what a library raises into DamagedInputError."""
+    """Convert errors of a library into DamagedInputError."""
     faults: tuple[type[BaseException], ...] = (*_FAULTS, *also)
     try:
         yield
     except faults as error:
         told = str(error).splitlines()
         reason = f" ({told[0]})" if told and told[0] else ""
-        raise DamagedInputError(f"it does not decode{reason}", where=where) from error
+        raise DamagedInputError(f"cannot be decoded{reason}", where=where) from error
 
 
 def read_still(data: bytes, kind: StillFormat, max_pixels: int, where: str) -> StillPicture:
-    """Decode a still, or an animation's first frame; DamagedInputError where it is not whole."""
+    """Decode a still or an animation's first frame; DamagedInputError if it is incomplete."""
     if kind == "heif":
         return _heif(data, max_pixels, where)
     data, before = on_clear_canvas(data) if kind == "gif" else (data, 0)
@@ -86,7 +86,7 @@ def read_still(data: bytes, kind: StillFormat, max_pixels: int, where: str) -> S
 
 
 def picture(image: Any, kind: StillFormat) -> StillPicture:
-    """A Pillow image's current frame as planes of 8 bits, or of 16 for grey."""
+    """A Pillow image's current frame as 8-bit planes, or a 16-bit one for grey."""
     has_alpha = image.mode in ("LA", "PA", "RGBA", "RGBa", "La") or "transparency" in image.info
     if image.mode.startswith("I;16"):
         pixels, bits, colours = np.asarray(image).astype(np.uint16), 16, 1
@@ -108,7 +108,7 @@ def picture(image: Any, kind: StillFormat) -> StillPicture:
 
 
 def dispose_to_clear(image: Any) -> None:
-    """Have a GIF's frame that is taken away leave clear canvas, not the background's colour."""
+    """Make a GIF's removed frames leave a transparent canvas, not the background colour."""
     from PIL import Image
 
     if image.disposal_method == 2 and image.mode == "RGBA" and image.dispose is not None:
@@ -154,23 +154,27 @@ def _heif(data: bytes, max_pixels: int, where: str) -> StillPicture:
 
 
 def _check_decoded(pixels: Any, where: str) -> None:
-    """Raise DamagedInputError where blocks did not decode: libheif leaves their codes at 0."""
+    """Raise DamagedInputError if blocks failed to decode, whose codes libheif leaves at 0."""
     empty = np.all(pixels[..., :3] == _NOT_DECODED, axis=-1)
     if np.count_nonzero(empty) > _MOST_NOT_DECODED:
-        raise DamagedInputError("parts of it do not decode", where=where)
+        raise DamagedInputError("parts of the picture cannot be decoded", where=where)
 
 
 def read_inks(data: bytes, kind: StillFormat, max_pixels: int, where: str) -> tuple[Any, bytes]:
-    """A CMYK picture of 8 bits as Pillow's image, and its profile; InputError without one."""
+    """An 8-bit CMYK picture as a Pillow image, and its profile; InputError without one."""
     if kind not in ("jpeg", "tiff"):
-        raise InputError(f"its colours are inks (CMYK), which a {kind} is not read in", where=where)
+        raise InputError(
+            f"colours are CMYK, which is not supported in {kind.upper()}",
+            where=where,
+            remedy="Convert it to RGB in the program that created it.",
+        )
     with opened(data, kind, max_pixels, where) as image:
         image.load()
         profile = image.info.get("icc_profile")
         if image.mode != "CMYK" or not profile:
             raise InputError(
-                "its colours are inks (CMYK) and no profile says what they look like",
+                "colours are CMYK, and there is no ICC profile to convert them with",
                 where=where,
-                remedy="Convert it to RGB in the program it comes from, and give that.",
+                remedy="Convert it to RGB in the program that created it.",
             )
         return image.copy(), bytes(profile)

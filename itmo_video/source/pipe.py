@@ -1,4 +1,4 @@
-"""A stream that can be read only once, from standard input or a FIFO, as a clip."""
+"""Clips from standard input or a FIFO, which can be read only once."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ from itmo_video.untrusted import parse_rational
 STANDARD_INPUT = "-"
 _BUFFER_BYTES = 1 << 20
 _RAW = re.compile(r"(?P<form>[a-z0-9]+):(?P<size>\d{1,6}x\d{1,6}):(?P<rate>\d+(?:/\d+|\.\d+)?)")
-_REMEDY = "Pipe y4m, Matroska, NUT or MPEG-TS; MP4 cannot be read from a pipe unless made for it."
+_REMEDY = "Pipe Y4M, Matroska, NUT or MPEG-TS; MP4 works only if it is fragmented."
 
 
 def is_pipe(source: str | os.PathLike[str]) -> bool:
@@ -54,10 +54,10 @@ def is_pipe(source: str | os.PathLike[str]) -> bool:
 
 
 class PipeClip(VideoClip):
-    """A piped stream: `frames` gives each frame once, `info.frames` is 0, as its end is unknown.
+    """A piped stream: `frames` yields each frame once; `info.frames` is 0, as its end is unknown.
 
-    Frames are numbered as those of the same file on a disk. `lost` fills with the indices of frames
-    that do not decode; `broken` says how the stream broke off, once it has.
+    Frames are numbered as in the same file on disk. `lost` collects the indices of frames that
+    cannot be decoded; `broken` says how the stream broke off, once it has.
     """
 
     reads_once = True
@@ -69,24 +69,24 @@ class PipeClip(VideoClip):
         self._times: dict[int, Fraction] = {}
         if options.fps is not None:
             raise UsageError(
-                "a pipe cannot be resampled", remedy="Do it before: ffmpeg ... -r 25 -f nut -"
+                "a pipe cannot be resampled", remedy="Resample it before: ffmpeg ... -r 25 -f nut -"
             )
         if options.raw is not None:
-            raw_format(options.raw)  # before anything of the stream is taken
+            raw_format(options.raw)  # checked before any of the stream is consumed
         self._input = _Input(name)
         self._where = "standard input" if name == STANDARD_INPUT else name
         try:
             self._open(options)
         except av.FFmpegError as error:
             raise InputError(
-                f"is not a video that can be read ({error.strerror})",
+                f"is not a readable video ({error.strerror})",
                 where=self._where,
                 remedy=_REMEDY,
             ) from error
         pictures = self._numbered(options.max_pixels)
         first = next(pictures, None)
         if first is None:
-            raise InputError("no frame came that can be decoded", where=self._where, remedy=_REMEDY)
+            raise InputError("no frame could be decoded", where=self._where, remedy=_REMEDY)
         codec = str(self._stream.codec_context.name)
         decoder = _Once(
             Path(name), options.max_pixels, Packets((), {}, (), True), codec, self._stream.index
@@ -100,11 +100,11 @@ class PipeClip(VideoClip):
         self._begun = [chain((first,), pictures)]
 
     def time_s(self, index: int) -> Fraction:
-        """Presentation time of the frame that is given next."""
+        """The presentation time of the next frame."""
         return self._times.pop(index)
 
     def close(self) -> None:
-        """Stop reading; who waits for more gets the end."""
+        """Stop reading; a waiting reader gets the end of the stream."""
         super().close()
         self._input.close()
 
@@ -121,10 +121,10 @@ class PipeClip(VideoClip):
         prepare_decoder(self._stream, options.max_pixels, self._where)
 
     def _check_source(self) -> None:
-        """A pipe has nothing that could change meanwhile."""
+        """Does nothing, as a pipe has no files that could change."""
 
     def _numbered(self, max_pixels: int) -> Iterator[Numbered]:
-        """Frames in presentation order: each one's index is how many packets are shown before."""
+        """Frames in presentation order; an index is the number of packets shown before it."""
         stream, base = self._stream, Fraction(self._stream.time_base or 1)
         stamps = _Stamps(self._container, stream)
         index = 0
@@ -155,21 +155,21 @@ class PipeClip(VideoClip):
             self.broken = f"the stream breaks off ({getattr(error, 'strerror', None) or error})"
 
     def _check_end(self, count: int, size: int) -> None:
-        """See whether the end cuts an uncompressed frame short, which FFmpeg does not report."""
+        """Check whether an uncompressed frame is truncated at the end, which FFmpeg ignores."""
         rest, name = self._input.bytes_read - size, self._container.format.name
         if name == "yuv4mpegpipe":
             rest -= self._input.first_line_bytes + count * len(b"FRAME\n")
-            if count and rest % count == 0:  # each frame has parameters of its own
+            if count and rest % count == 0:  # each frame has its own parameters
                 rest = 0
         if rest > 0 and name in ("yuv4mpegpipe", "rawvideo"):
             self.broken = "the stream breaks off within a frame"
 
 
 class _Stamps:
-    """The stamps of packets whose frames have not come yet: from them lost frames are known."""
+    """The stamps of packets whose frames are pending, from which lost frames are found."""
 
     def __init__(self, container: Any, stream: Any) -> None:
-        # Else a frame may be two packets, or their stamps count another order.
+        # Otherwise a frame may be two packets, or stamps may be in another order.
         self._counts = int(stream.codec_context.field_order) < 2 and container.format.name != "avi"
         self._is_capture = str(container.format.name) in CAPTURES
         self._jumps = Jumps(stream)
@@ -178,13 +178,13 @@ class _Stamps:
 
     @property
     def left(self) -> int:
-        """How many packets' frames have not come."""
+        """The number of packets whose frames are pending."""
         return len(self._waiting) if self._counts else 0
 
     def see(self, packet: Any) -> None:
-        """Take notice of a packet before it is decoded."""
+        """Record a packet before it is decoded."""
         if self._jumps.see(packet.dts if packet.dts is not None else packet.pts):
-            self._counts = False  # joined captures: their stamps begin anew
+            self._counts = False  # joined captures: their stamps start again
         if packet.pts is None or packet.is_discard:
             return
         if packet.is_keyframe and self._first_key is None:
@@ -193,13 +193,13 @@ class _Stamps:
             heappush(self._waiting, packet.pts)
 
     def is_before_first_key(self, pts: int | None) -> bool:
-        """Whether a capture's frame refers to what was not captured: it is none of its frames."""
+        """Whether a capture's frame refers to frames before the capture, so is not part of it."""
         if not (self._is_capture and self._counts) or pts is None:
             return False
         return self._first_key is None or pts < self._first_key
 
     def passed(self, pts: int | None) -> int:
-        """How many frames should have come before the one that comes with this stamp."""
+        """The number of frames expected before the one with this stamp."""
         lost = 0
         while self._counts and pts is not None and self._waiting and self._waiting[0] < pts:
             heappop(self._waiting)
@@ -210,7 +210,7 @@ class _Stamps:
 
 
 def raw_format(text: str) -> tuple[str, str, str]:
-    """(pixel format, WIDTHxHEIGHT, frames a second) of "yuv420p10le:1920x1080:24000/1001".
+    """(pixel format, WIDTHxHEIGHT, frame rate) of "yuv420p10le:1920x1080:24000/1001".
 
     Raises UsageError for anything else.
     """
@@ -222,8 +222,8 @@ def raw_format(text: str) -> tuple[str, str, str]:
     sizes = [] if found is None else [int(n) for n in found["size"].split("x")]
     if found is None or not is_known or 0 in sizes or not _is_rate(found["rate"]):
         raise UsageError(
-            f"raw must be FORMAT:WIDTHxHEIGHT:FPS, not {text!r}",
-            remedy="Such as yuv420p:1920x1080:25 or yuv422p10le:1920x1080:30000/1001.",
+            f"--raw must be FORMAT:WIDTHxHEIGHT:FPS, not {text!r}",
+            remedy="Examples: yuv420p:1920x1080:25, yuv422p10le:1920x1080:30000/1001.",
         )
     return found["form"], found["size"], found["rate"]
 
@@ -237,7 +237,7 @@ def _is_rate(text: str) -> bool:
 
 @dataclass(frozen=True)
 class _Once(Decoder):
-    """A decoder that stands in the stream and cannot go back."""
+    """A decoder at its position in the stream, which cannot go back."""
 
     def decoded(
         self,
@@ -249,14 +249,14 @@ class _Once(Decoder):
 
 
 class _Input:
-    """Standard input or a FIFO, read as bytes come; `close` ends a read that waits."""
+    """Standard input or a FIFO, read as bytes arrive; `close` ends a waiting read."""
 
     def __init__(self, name: str) -> None:
         self.bytes_read = self.first_line_bytes = 0
         if name == STANDARD_INPUT:
             if sys.stdin is None or sys.stdin.isatty():
                 raise UsageError(
-                    "standard input is a terminal, not a film",
+                    "standard input is a terminal, not a video stream",
                     remedy="Pipe one in: ffmpeg ... -f yuv4mpegpipe - | itmo-video convert - out/",
                 )
             self._fd = os.dup(sys.stdin.fileno())
@@ -279,18 +279,18 @@ class _Input:
         return data
 
     def close(self) -> None:
-        """End reading; the writer gets a broken pipe once this process lets go of it."""
+        """Stop reading; the writer gets a broken pipe once this process closes it."""
         with suppress(OSError):
             os.write(self._wake, b"x")
 
     def __del__(self) -> None:
-        for name in ("_fd", "_woken", "_wake"):  # those that it came to
+        for name in ("_fd", "_woken", "_wake"):  # as far as they were opened
             with suppress(OSError, AttributeError):
                 os.close(getattr(self, name))
 
 
 def _digest(first: Any) -> str:
-    """Of the first frame, as the rest has not come yet: whoever resumes must not go by it."""
+    """A digest of the first frame, as the rest is not there yet; not valid for resuming."""
     digest = hashlib.blake2b(f"pipe {first.format.name}".encode(), digest_size=16)
     for plane in read_picture(first).planes:
         digest.update(plane.tobytes())

@@ -1,7 +1,7 @@
-"""From a decoded picture to planes of integer codes, upright. No file is touched here.
+"""From a decoded picture to upright planes of integer codes; accesses no files.
 
-Every code is taken as stored: swscale is used only to unpack rare formats to a planar one of the
-same kind, and never from Y'CbCr to RGB, which it does with a bias.
+Codes are kept as stored: swscale only unpacks rare formats to a planar one of the same kind, and
+never converts Y'CbCr to RGB, in which it has a bias.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ Turn = tuple[int, bool]  # degrees clockwise, mirrored left-right first
 
 @dataclass(frozen=True)
 class Picture:
-    """A decoded picture's planes, still as stored: not yet upright."""
+    """A decoded picture's planes as stored, not yet upright."""
 
     family: Family
     bit_depth: int
@@ -43,16 +43,15 @@ _SEMI_PLANAR = re.compile(r"(nv|p[024])(12|21|16|24|42|10|12|16)(le|)")
 
 
 def read_picture(frame: Any) -> Picture:
-    """Copy out a picture's codes; AlreadyHdrError for floats, InputError for what is not a picture.
+    """Copy a picture's codes; AlreadyHdrError for floats, InputError for unknown formats.
 
-    Common formats are taken apart here; rare ones are first unpacked by swscale to a planar format
-    of the same kind, never from Y'CbCr to RGB, which it does with a bias.
+    Common formats are unpacked here; rare ones by swscale to a planar format of the same kind.
     """
     name = str(frame.format.name)
     if re.search(r"f(16|32)", name):
-        raise AlreadyHdrError(f"its pixels are floating-point ({name}), so it is HDR already")
+        raise AlreadyHdrError(f"floating-point pixels ({name}): it is already HDR")
     if name.startswith(("bayer", "xyz")):
-        raise InputError(f"its pixel format {name} is not understood")
+        raise InputError(f"pixel format {name} is not supported")
     if name == "pal8":
         indices, palette = frame.to_ndarray()  # the palette's rows are A, R, G, B
         codes = palette[indices]
@@ -60,7 +59,7 @@ def read_picture(frame: Any) -> Picture:
         order = (1, 2, 3, 0) if has_alpha else (1, 2, 3)
         return Picture("rgb", 8, has_alpha, tuple(codes[..., i].copy() for i in order))
     base, big = (name[:-2], name.endswith("be")) if name[-2:] in ("le", "be") else (name, False)
-    if all(plane.line_size > 0 for plane in frame.planes):  # a negative one is stored upside down
+    if all(plane.line_size > 0 for plane in frame.planes):  # negative: stored upside down
         if found := _PLANAR.fullmatch(name):
             return _planar(frame, found[1], int(found[2] or 8), big)
         if base in _PACKED_RGB:
@@ -69,15 +68,15 @@ def read_picture(frame: Any) -> Picture:
             return _packed_yuv(frame, _PACKED_YUV[name])
         if _SEMI_PLANAR.fullmatch(name):
             return _semi_planar(frame, name)
-    # One thread: swscale's slices write past their last row's end, into what another has written.
+    # One thread, as slices of swscale write past their last row, over what others have written.
     picture = read_picture(frame.reformat(format=_unpacked(frame.format), threads=1))
     return _widened(picture, frame.format)
 
 
 def _widened(picture: Picture, form: Any) -> Picture:
-    """RGB of fewer than 8 bits a channel (15 and 16 bits a pixel), its white brought to 255.
+    """RGB of fewer than 8 bits per channel (15 and 16 per pixel), scaled so that white is 255.
 
-    swscale shifts such codes up, so that their white would come out as 248 of 255.
+    swscale only shifts such codes, so that white would become 248.
     """
     bits = [component.bits for component in form.components]
     if picture.family != "rgb" or picture.bit_depth != 8 or min(bits, default=8) >= 8:
@@ -90,7 +89,7 @@ def _widened(picture: Picture, form: Any) -> Picture:
 
 
 def _unpacked(form: Any) -> str:
-    """Name the planar format that holds all of a rare packed one."""
+    """The planar format that can hold a rare packed one."""
     bits = max((component.bits for component in form.components), default=8)
     suffix = "" if bits <= 8 else "10le" if bits == 10 and form.is_rgb else "16le"
     alpha = any(component.is_alpha for component in form.components)
@@ -102,7 +101,7 @@ def _unpacked(form: Any) -> str:
 
 
 def _raw(plane: Any, columns: int, bit_depth: int, big: bool = False) -> Code:
-    """A plane's values without its lines' padding, as a view where that can be."""
+    """A plane's values without line padding, as a view if possible."""
     size = 1 if bit_depth == 8 else 2
     rows = np.frombuffer(plane, np.uint8).reshape(-1, plane.line_size)[: plane.height]
     rows = rows[:, : columns * size]
@@ -115,7 +114,7 @@ def _planar(frame: Any, kind: str, bit_depth: int, big: bool) -> Picture:
     order = {"gbrp": (2, 0, 1), "gbrap": (2, 0, 1, 3), "gray": (0,), "yuva": (0, 1, 2, 3)}
     family: Family = "rgb" if kind.startswith("gb") else "grey" if kind == "gray" else "ycbcr"
     planes = [frame.planes[i] for i in order.get(kind, (0, 1, 2))]
-    # The decoder's own memory, which it uses again once these views are gone; nothing writes here.
+    # The decoder's memory, which it reuses once these views are gone; nothing writes to it here.
     codes = tuple(_raw(plane, plane.width, bit_depth, big) for plane in planes)
     return Picture(family, bit_depth, kind in ("yuva", "gbrap"), codes)
 
@@ -142,7 +141,7 @@ def _semi_planar(frame: Any, name: str) -> Picture:
     luma = _raw(frame.planes[0], frame.width, bit_depth)
     pairs = _raw(frame.planes[1], frame.planes[1].width * 2, bit_depth)
     first, second = (1, 0) if name in ("nv21", "nv42") else (0, 1)
-    shift = 0 if bit_depth == 8 else 16 - bit_depth  # P010 and its like keep codes in the high bits
+    shift = 0 if bit_depth == 8 else 16 - bit_depth  # P010 and similar use the high bits
     codes = tuple(codes >> shift for codes in (luma, pairs[:, first::2], pairs[:, second::2]))
     return Picture("ycbcr", bit_depth, False, tuple(np.ascontiguousarray(c) for c in codes))
 
@@ -160,10 +159,10 @@ _SITINGS = {offsets: siting for siting, offsets in _OFFSETS.items()}
 def upright(
     planes: tuple[Code, ...], turn: Turn, encoding: Encoding
 ) -> tuple[tuple[Code, ...], Encoding]:
-    """Mirror and turn planes for display; the chroma siting turns with them.
+    """Mirror and rotate planes for display, along with the chroma siting.
 
-    Where an odd size would put chroma samples off every siting, and for 4:1:1 and 4:1:0, chroma is
-    first brought to full size in 16 bits, which is exact for limited range.
+    For 4:1:1, 4:1:0, and odd sizes at which no siting would fit, chroma is first upsampled to full
+    size in 16 bits, which is exact for limited range.
     """
     rotation, flip = turn
     if encoding.family == "ycbcr" and _needs_full_chroma(planes, turn):
@@ -183,7 +182,7 @@ def upright(
 
 def _needs_full_chroma(planes: tuple[Code, ...], turn: Turn) -> bool:
     rotation, flip = turn
-    # Which of the stored axes end up reversed: columns, then rows.
+    # Which of the stored axes are reversed in the end: columns, then rows.
     reversals = flip != (rotation in (180, 270)), rotation in (90, 180)
     for axis, is_reversed in zip((1, 0), reversals, strict=True):
         size, chroma = planes[0].shape[axis], planes[1].shape[axis]
@@ -193,7 +192,7 @@ def _needs_full_chroma(planes: tuple[Code, ...], turn: Turn) -> bool:
 
 
 def full_chroma(planes: tuple[Code, ...], encoding: Encoding) -> tuple[tuple[Code, ...], Encoding]:
-    """Chroma brought to the size of luma, all of it in 16 bits."""
+    """Planes with chroma upsampled to the size of luma, in 16 bits."""
     height, width = planes[0].shape
     depth, top = encoding.bit_depth, 2**encoding.bit_depth - 1
     scale = 65535 / top if encoding.range == "full" else 2.0 ** (16 - depth)
@@ -210,12 +209,12 @@ def full_chroma(planes: tuple[Code, ...], encoding: Encoding) -> tuple[tuple[Cod
 
 
 def pixel_form(frame: Any) -> str:
-    """The pixel format, the same for a full-range one and its plain name."""
+    """The pixel format's name, without the j of full-range variants."""
     return str(frame.format.name).replace("yuvj", "yuv")
 
 
 def picture_of(path: Path, decoded: Any) -> Picture:
-    """Read a picture, naming the file in what it raises."""
+    """Read a picture, with the file named in errors."""
     try:
         return read_picture(decoded)
     except ItmoError as error:

@@ -1,4 +1,4 @@
-"""A PNG file's chunks, walked and checked: damage is found before a picture is decoded."""
+"""Walking and checking a PNG's chunks, to find damage before decoding."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _CHECKED = (b"IHDR", b"PLTE", b"IDAT", b"IEND", b"tRNS", b"fdAT", b"fcTL", b"acT
 
 @dataclass
 class PngFacts:
-    """What chunks beside the picture say (PNG, third edition, 11.3), None where they are not there.
+    """The contents of ancillary chunks (PNG, third edition, 11.3), None if missing.
 
     `cicp` is (primaries, transfer, matrix, full range) by H.273; `gamma` the exponent of encoding;
     `xy` the chromaticities of white, red, green and blue. `delays_s` are those of an animation's
@@ -32,7 +32,7 @@ class PngFacts:
 
 
 def read_facts(data: bytes) -> PngFacts:
-    """Walk a whole PNG file; raises DamageError where a chunk is cut or its check sum is wrong."""
+    """Walk a PNG file; raises DamageError if a chunk is truncated or its checksum is wrong."""
     facts = PngFacts()
     seen: set[bytes] = set()
     for name, body in _chunks(data):
@@ -54,12 +54,12 @@ def read_facts(data: bytes) -> PngFacts:
             top, bottom = (int.from_bytes(body[at : at + 2], "big") for at in (20, 22))
             facts.delays_s.append(Fraction(top, bottom or 100))
     if b"IDAT" not in seen:
-        raise DamageError("there is not a picture in it")
+        raise DamageError("it contains no picture")
     return facts
 
 
 def _profile(body: bytes) -> bytes:
-    """The profile of an iCCP chunk (libpng drops those it dislikes); empty where it is damaged."""
+    """The profile of an iCCP chunk (libpng drops some); empty if it is damaged."""
     try:
         return zlib.decompressobj().decompress(body[body.index(b"\0") + 2 :], _MOST_PROFILE_BYTES)
     except (ValueError, zlib.error):
@@ -72,12 +72,12 @@ def _chunks(data: bytes) -> Iterator[tuple[bytes, bytes]]:
         name = data[at + 4 : at + 8]
         length = int.from_bytes(data[at : at + 4], "big")
         if len(name) < 4 or at + 12 + length > len(data):
-            raise DamageError(f"it is cut short at byte {len(data)}")
+            raise DamageError(f"it is truncated at byte {len(data)}")
         body = data[at + 8 : at + 8 + length]
         if name in _CHECKED:
             stated = int.from_bytes(data[at + 8 + length : at + 12 + length], "big")
             if zlib.crc32(body, zlib.crc32(name)) != stated:
-                raise DamageError(f"its chunk {name.decode('latin-1')} at byte {at} is damaged")
+                raise DamageError(f"chunk {name.decode('latin-1')} at byte {at} is damaged")
         yield name, body
         if name == b"IEND":
             return

@@ -1,4 +1,4 @@
-"""Cameras' raw files that look like TIFF, and TIFFs whose first picture is a thumbnail."""
+"""Detecting camera raw files that look like TIFF, and TIFFs that start with a thumbnail."""
 
 from __future__ import annotations
 
@@ -10,19 +10,19 @@ _SENSOR = ((32803,), (34892,))  # colour filter array, linear raw
 
 
 def check_tiff(data: bytes, where: str) -> None:
-    """Raise InputError where a TIFF's first directory is no finished picture."""
+    """Raise InputError if a TIFF's first directory is not a finished picture."""
     entries = first_directory(data)
     photometric = numbers(data, entries.get(_PHOTOMETRIC))[:1]
     is_raw = _DNG in entries or photometric in _SENSOR or data[8:10] == b"CR"
     if is_raw:
         raise InputError(
-            "it is a camera's raw file, not a picture yet",
+            "camera raw files are not supported",
             where=where,
-            remedy="Develop it first (darktable, RawTherapee, Lightroom) and give the result.",
+            remedy="Develop it first (darktable, RawTherapee, Lightroom) and convert the result.",
         )
     if any(flags & 1 for flags in numbers(data, entries.get(_SUBFILE))[:1]):
         raise InputError(
-            "its first picture is a thumbnail",
+            "the first picture in this TIFF is a thumbnail",
             where=where,
-            remedy="Export the whole picture as TIFF, PNG or JPEG.",
+            remedy="Export the full picture as TIFF, PNG or JPEG.",
         )

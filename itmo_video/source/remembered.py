@@ -1,6 +1,6 @@
-"""Digests of large files from earlier runs: one small file for each, in the user's cache.
+"""A cache of large files' digests: one small file for each, in the user's cache folder.
 
-A cache only: what is missing, old or not ours is passed over, and nothing fails for it.
+Missing, outdated or foreign entries are ignored, and no error is ever raised.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ _MOST_BYTES = 1 << 16
 
 
 def digest(path: Path, found: os.stat_result) -> str | None:
-    """The digest of `path` if it was remembered for the file that `found` describes."""
+    """The cached digest of `path`, if it is of the file that `found` describes."""
     try:
         entry = json.loads(read_regular(_place(path), _MOST_BYTES))
     except (InputError, ValueError, RecursionError):
@@ -31,7 +31,7 @@ def digest(path: Path, found: os.stat_result) -> str | None:
 
 
 def remember(path: Path, found: os.stat_result, known: str) -> None:
-    """Keep a digest for the next run, where there is a place for it."""
+    """Store a digest for later runs, if the cache can be written."""
     place = _place(path)
     with suppress(OSError):
         place.parent.mkdir(parents=True, exist_ok=True)
@@ -41,7 +41,7 @@ def remember(path: Path, found: os.stat_result, known: str) -> None:
 
 
 def _facts(path: Path, found: os.stat_result) -> dict[str, object]:
-    # The time of the last change of any kind cannot be set back, as that of the content can.
+    # ctime cannot be set back, unlike mtime.
     return {
         "path": os.fspath(path).encode(errors="surrogateescape").hex(),
         "device": found.st_dev,

@@ -1,4 +1,4 @@
-"""What a still's codes stand for: by the user's word, its code points, its profile, or sRGB."""
+"""The encoding of a still: by settings, its code points, its profile, or else sRGB."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ _HDR_TRANSFERS = (16, 18)  # PQ and HLG
 def resolve(
     picture: StillPicture, options: InputOptions, where: str
 ) -> tuple[StillPicture, Encoding, tuple[str, ...]]:
-    """The picture, converted where its profile is of no known space, its encoding, and notices.
+    """The picture (converted if its profile is not a known space), its encoding, and notices.
 
-    Raises AlreadyHdrError for PQ, HLG and log code points that the user does not overrule.
+    Raises AlreadyHdrError for PQ, HLG and log code points that the user does not override.
     """
     told: list[str] = []
     found = Tags()
     colour = picture.colour
     points = None if colour.icc is None else icc.code_points_of(colour.icc)
     if points is not None and points[1] in _HDR_TRANSFERS and options.transfer == "auto":
-        found = Tags(transfer=points[1], primaries=points[0])  # whatever its curves are
+        found = Tags(transfer=points[1], primaries=points[0])  # regardless of its curves
     elif colour.icc is not None:
         picture, found = _by_profile(picture, colour.icc, options, told)
     elif colour.cicp is not None:
@@ -37,7 +37,7 @@ def resolve(
         is_coded = picture.family == "ycbcr"
         found = Tags(matrix=matrix if is_coded else 2, range=2 if is_full or not is_coded else 1)
         found = replace(found, transfer=transfer, primaries=primaries)
-        if transfer == 8:  # linear light of integers, whose white is 1: no HDR
+        if transfer == 8:  # integer linear light, whose white is 1: not HDR
             found = replace(found, transfer=2, named_transfer="linear")
     else:
         picture, found = png_colour.by_gamma_and_xy(picture, options, told)
@@ -57,25 +57,25 @@ def resolve(
     except AlreadyHdrError as error:
         raise _in_words(error, picture) from error
     if picture.family != "ycbcr" and (options.matrix != "auto" or options.range != "auto"):
-        told.append("the matrix and range that are set are left out: the picture comes as RGB")
+        told.append("--matrix and --range are ignored: the picture is RGB")
     return picture, encoding, (*told, *more)
 
 
 def _in_words(error: AlreadyHdrError, picture: StillPicture) -> AlreadyHdrError:
-    """The refusal by a tag, in the words of the format."""
+    """The refusal of a tag, in terms of the format."""
     if picture.codec == "dpx":
         return AlreadyHdrError(
-            "its header says that its codes are logarithmic: film density or a camera's log",
+            "tagged as logarithmic: film density or camera log",
             where=error.where,
             remedy="Convert it to display-referred SDR first (OpenColorIO's cineon or camera "
-            "transform); if the tag is wrong, --transfer srgb.",
+            "transform); if the tag is wrong, use --transfer srgb.",
         )
     if picture.colour.cicp == DIGITAL_CINEMA:
         return AlreadyHdrError(
-            "it is of a digital-cinema profile: its codes are X'Y'Z' (SMPTE 428), not RGB",
+            "digital cinema profile: codes are X'Y'Z' (SMPTE 428), not RGB",
             where=error.where,
             remedy="Convert it to display-referred RGB first (OpenColorIO's DCDM transform); if it "
-            "is RGB after all, --transfer srgb.",
+            "is RGB after all, use --transfer srgb.",
         )
     return error
 
@@ -86,12 +86,12 @@ def _by_profile(
     try:
         profile = icc.read_profile(data)
         if profile.space not in ("RGB", "GRAY"):
-            raise icc.ProfileError(f"it is of {profile.space}, the picture is not")
+            raise icc.ProfileError(f"it is for {profile.space}, the picture is not")
         if profile.space == "GRAY" and picture.family != "grey":
-            raise icc.ProfileError("it is of grey, the picture is not")
+            raise icc.ProfileError("it is for grey, the picture is not")
         curve, primaries = icc.named_curve(profile), icc.named_primaries(profile)
         if options.transfer != "auto" and (curve is None or primaries is None):
-            told.append("its ICC profile is left out, as the transfer is set")
+            told.append("ICC profile ignored, because --transfer is set")
             return picture, Tags(named_primaries=primaries)
         if picture.family == "grey" and profile.curves is not None:
             return _grey(picture, profile, curve)
@@ -99,7 +99,7 @@ def _by_profile(
             return picture, Tags(named_transfer=curve, named_primaries=primaries)
         return _converted(picture, profile, told)
     except icc.ProfileError as error:
-        told.append(f"its ICC profile is not used: {error}")
+        told.append(f"ICC profile ignored: {error}")
         return picture, Tags()
 
 
@@ -123,12 +123,12 @@ def _converted(
         image = lut_profile.image_of(colours, bits)
         done, out_bits = lut_profile.to_rec2020(image, profile.data), 8
         if bits > 8:
-            told.append("its ICC profile has tables, which are applied in 8 bits")
+            told.append("ICC profile with tables applied in 8 bits")
     else:
         done, out_bits = icc.to_rec2020(profile, colours, bits), 16
     if picture.has_alpha:
         wide = sixteen_bits(alpha[0], bits)
         done = (*done, wide if out_bits == 16 else np.asarray(wide >> 8, np.uint8))
-    told.append("its ICC profile is applied: Rec. 2020 primaries from here on")
+    told.append("ICC profile applied, converted to Rec. 2020 primaries")
     tagged = Tags(named_transfer="srgb", named_primaries="rec2020")
     return replace(picture, planes=done, bit_depth=out_bits, family="rgb"), tagged

@@ -1,4 +1,4 @@
-"""Which kind of still a file is, by its first bytes, and how large: before any library opens it."""
+"""The format and size of a still from its first bytes, before any library opens it."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ StillFormat = Literal[
     "webp", "avif", "heif", "jpegxl",
 ]  # fmt: skip
 
-HEAD_BYTES = 4096  # what `still_format` has to see
+HEAD_BYTES = 4096  # that `still_format` needs
 
 _MAGIC: tuple[tuple[bytes, StillFormat], ...] = (
     (b"\x89PNG\r\n\x1a\n", "png"), (b"\xff\xd8\xff", "jpeg"),
@@ -23,15 +23,15 @@ _FLOAT_MAGIC = (b"\x76\x2f\x31\x01", b"#?RADIANCE", b"#?RGBE", b"PF\n", b"Pf\n")
 
 
 def is_float_image(head: bytes) -> bool:
-    """Whether these are the first bytes of OpenEXR, Radiance or PFM: floating-point images."""
+    """Whether a file with this head is a floating-point image: OpenEXR, Radiance or PFM."""
     return head.startswith(_FLOAT_MAGIC)
 
 
 def still_format(head: bytes, suffix: str = "") -> StillFormat | None:
-    """Name the format of a still by a file's first 4 KB; None for what is no still.
+    """The format of a still by a file's first 4 KB; None if it is not a still.
 
-    A `suffix` of .mjpeg or .mjpg is a film of JPEGs. HEIF files that are films (brands hevc and
-    msf1) are left to the reader of films.
+    A `suffix` of .mjpeg or .mjpg means motion JPEG. HEIF films (brands hevc and msf1) are left to
+    the reader of films.
     """
     if head[:4] == b"RIFF" and head[8:12] == b"WEBP":
         return "webp"
@@ -61,9 +61,9 @@ def _iso_media(head: bytes) -> StillFormat | None:
 
 
 def stated_size(data: bytes, kind: StillFormat) -> tuple[int, int] | None:
-    """(width, height) that a header states, for formats that libraries decode while opening.
+    """(width, height) stated by a header, for formats that libraries decode while opening.
 
-    None where the library tells the size before it decodes, or nothing is stated.
+    None if the library reports the size before decoding, or none is stated.
     """
     if kind == "webp":
         return _webp_size(data)
@@ -105,7 +105,7 @@ def _codestream_size(data: bytes) -> tuple[int, int] | None:
 
 
 def cinema_profile(data: bytes) -> bool:
-    """Whether a JPEG 2000 codestream is of a digital-cinema profile, so of X'Y'Z' (SMPTE 428)."""
+    """Whether a JPEG 2000 codestream has a digital cinema profile, so X'Y'Z' (SMPTE 428)."""
     at = data.find(b"\xff\x4f\xff\x51")
     # ISO/IEC 15444-1, table A.10: Rsiz of 2K, 4K, and of both scalable
     return at >= 0 and int.from_bytes(data[at + 6 : at + 8], "big") in (3, 4, 5, 6)

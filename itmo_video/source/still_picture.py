@@ -1,4 +1,4 @@
-"""One picture of a still file as its library gives it: codes as stored, not yet upright."""
+"""A decoded still: codes as stored, not yet upright."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ import numpy.typing as npt
 
 from itmo_video.model import Code, Family
 
-DIGITAL_CINEMA = (10, 17, 0, 1)  # H.273's numbers of X'Y'Z' with the curve of SMPTE 428
+DIGITAL_CINEMA = (10, 17, 0, 1)  # H.273's numbers for X'Y'Z' with the curve of SMPTE 428
 Turn = tuple[int, bool]  # degrees clockwise, mirrored left-right first
 
 
 @dataclass(frozen=True)
 class StillColour:
-    """What a still says of its colour, None where it says nothing.
+    """A still's colour metadata, None where it has none.
 
     `icc` is an embedded profile; `cicp` (primaries, transfer, matrix, full range) by H.273; `gamma`
     and `xy` (white, red, green, blue) are those of PNG.
@@ -32,7 +32,7 @@ class StillColour:
 class StillPicture:
     """Planes of codes by family, (R, G, B), (Y, Cb, Cr) or (Y,), then straight alpha.
 
-    uint8 for 8 bits, else uint16 with the code in the low bits. `turn` makes it upright.
+    uint8 for 8 bits, otherwise uint16 with the code in the low bits. `turn` makes it upright.
     """
 
     codec: str
@@ -60,15 +60,15 @@ def split(pixels: npt.NDArray[Any]) -> tuple[Code, ...]:
 
 
 def sixteen_bits(plane: Code, bits: int) -> Code:
-    """Codes of `bits` bits as those of 16."""
+    """Codes of `bits` bits scaled to 16."""
     top = (1 << bits) - 1
     return np.asarray((plane.astype(np.uint32) * 65535 + top // 2) // top, np.uint16)
 
 
 def straight(planes: tuple[Code, ...], bit_depth: int) -> tuple[Code, ...]:
-    """Undo a multiplication by alpha, the last plane: 16-bit codes, so that nothing is lost.
+    """Unpremultiply by alpha, the last plane, to 16-bit codes, so that nothing is lost.
 
-    Codes were multiplied as they are stored, not as light: so writers of associated alpha do.
+    Writers of associated alpha multiply the codes as stored, not light.
     Where alpha is 0, colour is 0.
     """
     top = 2.0**bit_depth - 1
@@ -88,5 +88,5 @@ _EXIF_TURNS: dict[int, Turn] = {
 
 
 def exif_turn(orientation: object) -> Turn:
-    """The turn that Exif's orientation (1 to 8) asks for; none for anything else."""
+    """The turn for Exif's orientation (1 to 8); none for anything else."""
     return _EXIF_TURNS.get(orientation, (0, False)) if isinstance(orientation, int) else (0, False)

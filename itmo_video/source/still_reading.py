@@ -1,4 +1,4 @@
-"""A still file to a picture, whole, by the library that is right for its format."""
+"""Decoding a still file with the library for its format."""
 
 from __future__ import annotations
 
@@ -22,30 +22,30 @@ from itmo_video.source.still_formats import (
 from itmo_video.source.still_picture import StillColour, StillPicture, exif_turn
 from itmo_video.source.tiff_directory import check_jpeg_parts
 
-# Modes that OpenImageIO turns to RGB by itself, without the profile (Photoshop File Formats).
-_PSD_MODES = {4: "inks (CMYK)", 7: "separate inks (multichannel)", 9: "CIE L*a*b*"}
+# Modes that OpenImageIO converts to RGB without the profile (Photoshop File Formats).
+_PSD_MODES = {4: "CMYK", 7: "multichannel inks", 9: "CIE L*a*b*"}
 _BY_PILLOW = ("webp", "gif", "apng", "avif", "heif", "qoi")
 
 
 def kind_of(path: Path) -> StillFormat | None:
-    """The format of a still by its first bytes, None for anything else.
+    """The format of a still by its first bytes, None if it is not a still.
 
-    Raises AlreadyHdrError for images that hold floats, InputError for formats that are not read.
+    Raises AlreadyHdrError for floating-point images, InputError for unsupported formats.
     """
     with open_regular(path) as file:
         head = file.read(HEAD_BYTES)
     if is_float_image(head):
-        raise AlreadyHdrError("it is a floating-point image, so it is HDR already", where=str(path))
+        raise AlreadyHdrError("floating-point image: it is already HDR", where=str(path))
     kind = still_format(head, path.suffix)
     if kind == "jpegxl":
         raise InputError(
-            "JPEG XL is not read",
+            "JPEG XL is not supported",
             where=str(path),
             remedy="Convert it to PNG or TIFF (djxl in.jxl out.png).",
         )
     if kind == "cineon":
         raise AlreadyHdrError(
-            "it is a Cineon file: its codes are film density, not SDR",
+            "Cineon file: its codes are film density, not SDR",
             where=str(path),
             remedy="Convert it to display-referred SDR first (OpenColorIO's cineon transform).",
         )
@@ -53,10 +53,10 @@ def kind_of(path: Path) -> StillFormat | None:
 
 
 def read_still(path: Path, kind: StillFormat, max_pixels: int) -> StillPicture:
-    """Decode a still whole, or the first frame of an animation.
+    """Decode a still, or the first frame of an animation.
 
-    Raises DamagedInputError where it is not whole, InputError for what is larger than `max_pixels`
-    or not read here, AlreadyHdrError for floats.
+    Raises DamagedInputError if it is incomplete, InputError if it is larger than `max_pixels` or
+    not supported, AlreadyHdrError for floats.
     """
     where = str(path)
     data = read_regular(path, PICTURE_BYTES)
@@ -71,14 +71,14 @@ def read_still(path: Path, kind: StillFormat, max_pixels: int) -> StillPicture:
     if kind == "avif":
         picture = avif.read_still(data, max_pixels, where)
     elif kind in _BY_PILLOW or (kind == "jpeg" and has_gain_map(data, kind)):
-        # OpenImageIO applies the gain map of an Ultra HDR JPEG unasked; Pillow reads the SDR base.
+        # OpenImageIO always applies the gain map of an Ultra HDR JPEG; Pillow reads the SDR base.
         picture = pillow_stills.read_still(data, kind, max_pixels, where)
     else:
         found = oiio_stills.read_still(path, kind, max_pixels)
         picture = found or _inks(data, kind, max_pixels, where)
     if facts is not None:
         gamma, xy = (None, None) if facts.is_srgb else (facts.gamma, facts.xy)
-        # PNG, third edition, 4.3: code points stand above a profile, that above the rest.
+        # PNG, third edition, 4.3: code points override a profile, which overrides the rest.
         icc = facts.icc if facts.cicp is None else None
         colour = StillColour(icc=icc, cicp=facts.cicp, gamma=gamma, xy=xy)
         picture = replace(picture, colour=colour)
@@ -91,9 +91,9 @@ def _check_psd(data: bytes, where: str) -> None:
     found = _PSD_MODES.get(int.from_bytes(data[24:26], "big"))
     if found is not None:
         raise InputError(
-            f"its colours are {found}, which a PSD is not read in",
+            f"colours are {found}, which is not supported in PSD",
             where=where,
-            remedy="Convert it to RGB in the program it comes from, and give that.",
+            remedy="Convert it to RGB in the program that created it.",
         )
 
 
@@ -115,11 +115,11 @@ def _inks(data: bytes, kind: StillFormat, max_pixels: int, where: str) -> StillP
     try:
         planes = lut_profile.to_rec2020(image, profile)
     except ProfileError as error:
-        told = f"its colours are inks (CMYK), and its profile fails: {error}"
+        told = f"colours are CMYK, and the ICC profile cannot be used: {error}"
         raise InputError(told, where=where) from error
     return StillPicture(
         kind, "cmyk8", "rgb", 8, planes, False,
         exif_turn(image.getexif().get(0x0112)),
-        StillColour(cicp=(9, 13, 2, 1)),  # what the profile was applied to: Rec. 2020, sRGB's curve
-        ("its colours are inks (CMYK): converted by its ICC profile",),
+        StillColour(cicp=(9, 13, 2, 1)),  # the profile's destination: Rec. 2020, the sRGB curve
+        ("colours are CMYK: converted with the ICC profile",),
     )  # fmt: skip

@@ -20,21 +20,21 @@ from itmo_video.source.still_reading import kind_of, read_still
 from itmo_video.source.tags import InputOptions
 from itmo_video.words import missing
 
-_LONGEST = 10_000_000  # frames of a sequence, gaps counted: 100 hours
-STILL_RATE = Fraction(24)  # images have no rate of their own
+_LONGEST = 10_000_000  # frames of a sequence, including gaps: 100 hours
+STILL_RATE = Fraction(24)  # assumed, as images have no frame rate
 NUMBER_PATTERN = re.compile(r"%0?(\d*)d|#+")
 
 
 def is_pattern(path: Path) -> bool:
-    """Whether the name stands for a numbered sequence: `img.%04d.png`, `img.####.png`."""
+    """Whether the name is the pattern of a sequence: `img.%04d.png`, `img.####.png`."""
     return NUMBER_PATTERN.search(path.name) is not None
 
 
 class StillClip(Clip):
-    """Images by index; each one is read by its own tags and depth, as encoders vary the format.
+    """Images by index; each is read with its own tags and bit depth, as encoders vary them.
 
-    An image that is not whole is a gap, and `faults` says why, by index. One of another size than
-    the first, or with alpha where the first has none, ends the clip.
+    A damaged image is a gap, and `faults` says why, by index. An image whose size differs from the
+    first, or that has alpha if the first has none, ends the clip.
     """
 
     def __init__(self, path: Path, files: dict[int, Path], options: InputOptions) -> None:
@@ -49,27 +49,27 @@ class StillClip(Clip):
             reason = next(iter(self.faults.values()))
             raise InputError(f"none of its images can be decoded: {reason}", where=str(path))
         frame, picture, told = found
-        self._ahead = {self._first + frame.index: found}  # whoever reads it first has it
+        self._ahead = {self._first + frame.index: found}  # for the first reader
         self._alpha, self._size = frame.encoding.has_alpha, frame.size
         count = max(self._files) - self._first + 1
         if count > _LONGEST:
             raise InputError(
-                f"its numbers span {count} frames, more than {_LONGEST}",
+                f"the numbers of this sequence span {count} frames, more than {_LONGEST}",
                 where=str(path),
-                remedy="Put files with other numbers elsewhere.",
+                remedy="Move files with unrelated numbers to another folder.",
             )
         notices = [*picture.notices, *told]
         turn = picture.turn
         if turn != (0, False):
             notices.append(
-                f"turned upright: {'mirrored, then ' * turn[1]}{turn[0]} degrees clockwise"
+                f"rotated for display: {'mirrored, then ' * turn[1]}{turn[0]} degrees clockwise"
             )
         if not self._is_single and options.fps is None:
-            notices.append(f"images have no frame rate: assumed {STILL_RATE} (--fps sets another)")
+            notices.append(f"images have no frame rate: assumed {STILL_RATE} (set it with --fps)")
         if len(files) < count:
             gaps = sorted(set(range(self._first, self._first + count)) - set(self._files))
             named = ", ".join(map(str, gaps[:8])) + ", ..." * (len(gaps) > 8)
-            notices.append(f"of the sequence {missing(len(gaps), 'number')}: {named}")
+            notices.append(f"{missing(len(gaps), 'frame')} from the sequence: {named}")
         width, height = picture.size
         stem, number = _own_number(path) if self._is_single else (_sequence_stem(path), self._first)
         self.info = ClipInfo(
@@ -102,32 +102,32 @@ class StillClip(Clip):
                 continue
             self._source.check(file)
             found = self._ahead.pop(number, None) or self._read(number, file)
-            self._source.check(file)  # what was read is what was hashed
+            self._source.check(file)  # ensures that what was read is what was hashed
             if found is None:
                 continue
             frame = found[0]
             if frame.size != self._size or frame.encoding.has_alpha != self._alpha:
                 raise DamagedInputError(
-                    f"it is {frame.size[0]}x{frame.size[1]}, "
-                    f"the first image {self.info.display_size[0]}x{self.info.display_size[1]}, "
-                    "or only one of the two has alpha",
+                    f"{frame.size[0]}x{frame.size[1]} differs from the first image, "
+                    f"{self.info.display_size[0]}x{self.info.display_size[1]}, "
+                    "in size or in having alpha",
                     where=str(file),
-                    remedy="What came before can be converted; put unlike images apart.",
+                    remedy="Images before it can be converted; move the others to another folder.",
                 )
             yield frame
 
     def time_s(self, index: int) -> Fraction:
-        """Presentation time at the rate that is set, or assumed."""
+        """The presentation time at the rate set, or assumed."""
         return index / self._rate
 
     def _read(self, number: int, file: Path) -> tuple[Frame, StillPicture, tuple[str, ...]] | None:
-        """One image as a frame, with what it was decoded to; None when it does not decode."""
+        """One image as a frame, with its decoded picture; None if it cannot be decoded."""
         index = number - self._first
         try:
             check_file(file)
             kind = kind_of(file)
             if kind is None:
-                raise InputError("not an image of a known format", where=str(file))
+                raise InputError("not an image in a supported format", where=str(file))
             picture = read_still(file, kind, self._options.max_pixels)
         except InputError as error:
             if self._is_single:
@@ -145,7 +145,7 @@ class StillClip(Clip):
 
 
 def sequence(path: Path) -> dict[int, Path]:
-    """The files of a numbered pattern, by number; InputError when there are none."""
+    """The files that match a pattern, by number; InputError if there are none."""
     match = NUMBER_PATTERN.search(path.name)
     assert match is not None
     digits = int(match[1] or 1) if match[0].startswith("%") else len(match[0])
@@ -163,12 +163,12 @@ def sequence(path: Path) -> dict[int, Path]:
         if found and (len(found[1]) == digits or found[1][0] != "0"):
             files[int(found[1])] = path.parent / entry
     if not files:
-        raise InputError("no file matches", where=str(path))
+        raise InputError("no file matches this pattern", where=str(path))
     return files
 
 
 def _own_number(path: Path) -> tuple[str, int | None]:
-    """Stem and number of a single picture: `img.0007.png` is number 7 of `img`."""
+    """The stem and number of a single picture: `img.0007.png` is number 7 of `img`."""
     match = re.fullmatch(r"(.+)\.([0-9]{1,9})", path.stem, re.DOTALL)
     return (match[1], int(match[2])) if match else (path.stem, None)
 

@@ -1,4 +1,4 @@
-"""What a video stream is: found once, by its packets, its tags and its first frame."""
+"""The facts about a video stream, determined once from packets, tags and its first frame."""
 
 from __future__ import annotations
 
@@ -27,19 +27,19 @@ from itmo_video.source.stretches import numbered
 from itmo_video.source.tags import InputOptions
 from itmo_video.source.track_facts import TrackFacts
 
-_FILM_CODECS = ("mpeg2video", "vc1")  # in which films are telecined frame by frame
-_SAMPLE = 30  # frames looked at for telecine
+_FILM_CODECS = ("mpeg2video", "vc1")  # codecs in which film may be telecined frame by frame
+_SAMPLE = 30  # frames examined for telecine
 _INTERLACED = {2: "tff", 3: "bff", 4: "tff", 5: "bff"}  # FFmpeg's AVFieldOrder
-CAPTURES = ("mpegts", "mpeg", "h264", "hevc", "mpegvideo")  # may begin and end anywhere
+CAPTURES = ("mpegts", "mpeg", "h264", "hevc", "mpegvideo")  # may start and end anywhere
 _LIMITED_GREY = ("h264", "hevc", "av1", "libdav1d", "vp9", "mpeg2video", "mpeg4")
 
 
 @dataclass(frozen=True)
 class StreamFacts:
-    """What is known of a stream before its frames are read.
+    """The facts about a stream, known before its frames are read.
 
     `size` (width, height) in pixels, `form` and `stored` are those of each decoded frame; `turn`
-    brings it upright. `info` is the clip's metadata for everybody else.
+    makes it upright. `info` is the clip's metadata for all other modules.
     """
 
     decoder: Decoder
@@ -57,11 +57,11 @@ class StreamFacts:
 def find_facts(
     path: Path, options: InputOptions, source: SourceFiles
 ) -> tuple[StreamFacts, Iterator[Numbered] | None]:
-    """The facts of a video file, and a reader that stands at its first frame, where there is one.
+    """The facts about a video file, and a reader at its first frame, if there is one.
 
-    `source` is that file as it was before anything of it was read.
+    `source` is the state of the file before it was read.
 
-    Raises InputError where no frame can be decoded, AlreadyHdrError by its tags, and av's errors.
+    Raises InputError if no frame can be decoded, AlreadyHdrError by its tags, and av's errors.
     """
     with open_video(path, options.max_pixels, options.stream) as (container, stream):
         context = stream.codec_context
@@ -86,9 +86,9 @@ def facts_at(
     digest: str,
     track: TrackFacts | None = None,
 ) -> StreamFacts:
-    """The facts of an open stream by its first decoded frame; `digest` is of its content.
+    """The facts about an open stream from its first decoded frame; `digest` is of its content.
 
-    `track` are those of the file's own boxes, None for a stream that is no file.
+    `track` has those from the file's boxes, None for a stream that is not a file.
     """
     path, codec, container_name = decoder.path, decoder.codec, str(container.format.name)
     context = stream.codec_context
@@ -135,11 +135,11 @@ def facts_at(
     crop = usable(track.crop, size)
     if crop is not None:
         shown = cropped_size(size, crop)
-        notices.append(f"cropped to {shown[0]}x{shown[1]}, as its container says")
+        notices.append(f"cropped to {shown[0]}x{shown[1]}, as stated by the container")
     notices += outside_range(picture, stored)
     if is_interlaced or is_forced:
         done = "deinterlaced" if is_deinterlaced else "left as it is"
-        notices.append(f"it is {'' if is_interlaced else 'not '}flagged interlaced: {done}")
+        notices.append(f"{'' if is_interlaced else 'not '}flagged as interlaced: {done}")
     if is_interlaced or codec in _FILM_CODECS:
         sample = islice(decoder.decoded(None), _SAMPLE)
         notices += mixture([bool(frame.interlaced_frame) for frame in sample])
@@ -149,7 +149,7 @@ def facts_at(
     notices += timing_notices(decoder.packets, rate, is_vfr)
     if turn != (0, False):
         mirrored = "mirrored, then " if turn[1] else ""
-        notices.append(f"turned upright: {mirrored}{turn[0]} degrees clockwise")
+        notices.append(f"rotated for display: {mirrored}{turn[0]} degrees clockwise")
     aspect = Fraction(stream.sample_aspect_ratio or context.sample_aspect_ratio or 1)
     codes = (s.metadata.get("timecode") for s in (container, *container.streams))
     info = ClipInfo(
@@ -182,7 +182,7 @@ def facts_at(
 def shown_planes(
     planes: tuple[Code, ...], stored: Encoding, crop: Crop | None, turn: Turn
 ) -> tuple[tuple[Code, ...], Encoding]:
-    """A decoded picture's planes as they are shown: cropped, then upright."""
+    """A decoded picture's planes for display: cropped, then rotated."""
     if crop is not None:
         planes, stored = cropped(planes, stored, crop)
     return upright(planes, turn, stored)
@@ -197,7 +197,7 @@ def _hidden_hdr(
     frame: Any,
     tagged: tags.Tags,
 ) -> AlreadyHdrError | None:
-    """The refusal of HDR that no transfer tag speaks of, None for all else."""
+    """The refusal of HDR without a transfer tag, None for anything else."""
     words = hidden_hdr.dolby_vision_words(track, frame, tagged.transfer)
     words = words or hidden_hdr.hdr10_words(frame, tagged.transfer)
     if words is not None:
@@ -209,10 +209,10 @@ def _hidden_hdr(
 
 
 def _as_countable(decoder: Decoder) -> Decoder:
-    """The decoder, its packets marked inexact where its first frames do not follow their stamps."""
+    """The decoder; its packets are marked inexact if its first frames contradict their stamps."""
     head = (decoder.packets.index_of(f.pts) for f in islice(decoder.decoded(None), 24))
     found = [index for index in head if index is not None]
-    # AVI stamps packets in the file's order; an interlaced frame may be two packets.
+    # AVI stamps packets in file order; an interlaced frame may be two packets.
     is_shuffled = found != sorted(found)
     is_halved = len(found) > 1 and all(index % 2 == 0 for index in found)
     is_halved = is_halved and not decoder.packets.repeats
@@ -224,10 +224,10 @@ def _as_countable(decoder: Decoder) -> Decoder:
 def _first_frame(
     decoder: Decoder, is_capture: bool
 ) -> tuple[Decoder, Any, Iterator[Numbered] | None]:
-    """The first frame that decodes, and what goes on from it; finds out whether packets count.
+    """The first frame that decodes, and an iterator of the rest; checks the packets' order.
 
-    Frames of a capture that were shown before the first key packet refer to what was not captured:
-    they are none of its frames.
+    Frames of a capture shown before its first key packet refer to frames before the capture, so
+    they are not part of it.
     """
     if decoder.packets.is_exact:
         pictures = numbered(decoder, 0)
@@ -242,7 +242,7 @@ def _first_frame(
         first = first or frame
     if first is None:
         raise InputError(
-            "no frame of it can be decoded: it is damaged, encrypted or has none",
+            "no frame can be decoded: the video is damaged, encrypted or empty",
             where=str(decoder.path),
         )
     counted = replace(decoder.packets, pts=tuple(range(count)), is_exact=False, declared=None)
@@ -250,19 +250,19 @@ def _first_frame(
 
 
 def _leading(packets: Packets) -> int:
-    """How many frames are shown before the first key packet's."""
+    """The number of frames shown before the first key packet's."""
     return (packets.index_of(packets.keys[0][1]) or 0) if packets.keys else 0
 
 
 def mixture(is_interlaced: Sequence[bool]) -> list[str]:
-    """A word about telecine: interlaced and progressive frames in turn in the first frames."""
+    """A notice about telecine, if the first frames alternate interlaced and progressive."""
     if all(is_interlaced) or not any(is_interlaced):
         return []
     return [
-        f"{sum(is_interlaced)} of its first {len(is_interlaced)} frames are interlaced, others "
-        "not: perhaps telecined film; no inverse telecine is done"
+        f"{sum(is_interlaced)} of the first {len(is_interlaced)} frames are interlaced, the rest "
+        "are not: possibly telecined film; no inverse telecine is applied"
     ]
 
 
 def _printable(tag: str) -> str:
-    return tag.encode(errors="replace").decode()  # bytes that are not UTF-8 come as surrogates
+    return tag.encode(errors="replace").decode()  # bytes that are not UTF-8 arrive as surrogates

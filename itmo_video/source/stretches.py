@@ -1,12 +1,13 @@
-"""A stream's frames by number, the same ones from wherever reading begins, damaged or not.
+"""A stream's frames by number, identical wherever reading starts, even if it is damaged.
 
-What a decoder makes of damage depends on its threads, on where it began and on what its buffers
-held before. So a frame is defined as one thread decodes it from its own entry, a fixed key packet,
-by a decoder of its own. As long as all that comes is sound a decoder goes on past entries, which
-gives the same; at the first sign of damage the stretch up to the next entry is decoded alone. That
-is for codecs whose decoders tell of all damage; the others' stretches are always decoded alone.
+A decoder's result for damaged data depends on its threads, on where it started and on what its
+buffers contained. So a frame is defined as what a new single-threaded decoder gives that starts
+at the frame's entry, a fixed key packet. While no damage is found a decoder continues past
+entries, with the same result; at the first damage, the stretch up to the next entry is decoded
+separately. Stretches of codecs whose decoders do not report all damage are always decoded
+separately.
 
-No codec is decoded by several threads: what FFmpeg's conceal, and tell of, is left to chance.
+No codec is decoded with several threads, as FFmpeg's concealment and error reports then vary.
 """
 
 from __future__ import annotations
@@ -23,12 +24,12 @@ import av
 from itmo_video.source.decoding import Decoder, Numbered, Way
 
 _TOLD = ("h264", "mpeg2video", "mpeg4", "libdav1d", "av1", "vp9", "prores", "dnxhd")
-_AT_RANDOM = ("cfhd",)  # decoders that fill in for damage with memory never written
-_SHORTEST = 24  # frames between entries: each stretch opens the file anew
+_AT_RANDOM = ("cfhd",)  # decoders that fill damaged areas with uninitialised memory
+_SHORTEST = 24  # frames between entries, as each stretch opens the file again
 
 
 class _Entry(NamedTuple):
-    """A key packet: its place in the file, its stamps, and the number of its own frame, from 0."""
+    """A key packet: its place in the file, its stamps, and the number of its frame, from 0."""
 
     place: int
     pts: int
@@ -37,7 +38,7 @@ class _Entry(NamedTuple):
 
 
 class Stretches:
-    """The stretches of a stream whose packets are exact."""
+    """The stretches of a stream with exact packets."""
 
     def __init__(self, decoder: Decoder) -> None:
         self._decoder, self._packets = decoder, decoder.packets
@@ -47,7 +48,7 @@ class Stretches:
         self._is_judged = not self._fails_everywhere()
 
     def frames(self, start: int) -> Iterator[Numbered]:
-        """Frames from index `start` on, rising; those that do not decode leave gaps."""
+        """Frames from index `start` on, rising; those that cannot be decoded leave gaps."""
         while start < self._count:
             if self._decoder.codec in _TOLD and self._is_judged:
                 for item in self._sound(start, self._count, "strict", []):
@@ -61,9 +62,9 @@ class Stretches:
             start = end
 
     def _fails_everywhere(self) -> bool:
-        """Whether MPEG-2 decodes nowhere strictly: its pictures lack the last row of slices.
+        """Whether MPEG-2 never decodes strictly, because its pictures lack the last row of slices.
 
-        Some encoders leave it out where the height is cropped, and players ignore that.
+        Some encoders omit it if the height is cropped, and players ignore that.
         """
         if self._decoder.codec != "mpeg2video" or not self._entries:
             return False
@@ -75,14 +76,14 @@ class Stretches:
         return True
 
     def _alone(self, start: int, end: int) -> Iterator[Numbered]:
-        """A stretch, or its end, by one thread: strictly while it is sound, then past damage."""
+        """A stretch, or its rest, single-threaded: strictly up to damage, then past it."""
         errors: list[int] = []
         for item in self._sound(start, end, "strict", errors) if self._is_judged else ():
             start = item[0] + 1
             yield _copied(item)
         if start >= end:
             return
-        # What fails before the stretch's own key packet leads in, and is no part of it.
+        # Failures before the stretch's key packet are in the lead-in, not part of it.
         own = self._own(start)
         lead = self._entries[own].place if own >= 0 else 0
         damaged = next((place for place in errors if place >= lead), len(self._packets.order) + 1)
@@ -98,7 +99,7 @@ class Stretches:
                 return
             is_damaged = bool(frame.is_corrupt) or self._place(index) >= damaged
             if is_damaged and self._decoder.codec in _AT_RANDOM:
-                continue  # left out, and so named as missing
+                continue  # left out, and so reported as missing
             last, before = index, (index, frame, is_damaged)
             if index >= start:
                 yield _copied(before)
@@ -107,10 +108,10 @@ class Stretches:
                 yield _copied(item)
 
     def _sound(self, start: int, end: int, way: Way, errors: list[int]) -> Iterator[Numbered]:
-        """Frames from `start` to before `end`, or to the first sign of damage.
+        """Frames from `start` to before `end`, or up to the first damage.
 
-        A frame is held back until all those that it may be made of have come, as they may be shown
-        later. `errors` takes the place of the packet that failed.
+        A frame is held back until all frames that it may depend on have arrived, as these may be
+        shown later. `errors` receives the place of the packet that failed.
         """
         entry = self._entry(start)
         first = entry.number if entry is not None else 0
@@ -152,14 +153,14 @@ class Stretches:
             yield from released(self._count)
 
     def _with_repeats(self, after: int, until: int, last: Numbered | None) -> Iterator[Numbered]:
-        """The frame `after` again, for those behind it that have no packet of their own."""
+        """The frame `after` repeated for the frames after it that have no packet."""
         for index in range(after + 1, until) if last is not None and self._packets.repeats else ():
             if self._packets.pts[index] not in self._packets.repeats:
                 return
             assert last is not None
             yield index, last[1], last[2]
 
-    # ---- where decoding begins
+    # ---- where decoding starts
 
     def _thinned(self) -> list[_Entry]:
         found: list[_Entry] = []
@@ -170,7 +171,7 @@ class Stretches:
         return found
 
     def _own(self, index: int) -> int:
-        """Which entry is the last before a frame both in the file and on the screen; -1 for none.
+        """The last entry before a frame both in file order and in presentation order; -1 for none.
 
         A frame shown before its key packet may refer to the group before.
         """
@@ -182,15 +183,15 @@ class Stretches:
         return at
 
     def _entry(self, index: int) -> _Entry | None:
-        """Where decoding begins for a frame to come out whole; None for the file's beginning.
+        """Where decoding must start for a frame to be complete; None for the start of the file.
 
-        One more than its own for H.264, whose key packets may be points of gradual recovery.
+        For H.264 one entry earlier, as its key packets may be points of gradual recovery.
         """
         at = self._own(index) - (self._decoder.codec == "h264")
         return self._entries[at] if at >= 0 and self._entries[at].place > 0 else None
 
     def _end(self, start: int) -> int:
-        """The index behind the stretch that `start` lies in."""
+        """The index after the stretch that contains `start`."""
         own = self._own(start)
         after = bisect_right(self._entries, start, key=lambda entry: entry.number)
         for entry in self._entries[after:]:
@@ -202,7 +203,7 @@ class Stretches:
         return self._packets.order.get(self._packets.pts[index], (-1, 0))[0]
 
     def _reaches(self) -> list[int]:
-        """For each frame the last one to be shown of all that come before it in the file."""
+        """For each frame, the last one in presentation order of those before it in the file."""
         reach = list(range(self._count))
         own = [index for index in reach if self._packets.pts[index] not in self._packets.repeats]
         by_place = sorted(own, key=self._place)
@@ -214,7 +215,7 @@ class Stretches:
 def numbered(decoder: Decoder, start: int) -> Iterator[Numbered]:
     """Decoded frames with their indices, rising, from `start` on.
 
-    Where stamps are of no use they are counted from the beginning, by one thread.
+    If stamps are unusable, frames are counted from the start.
     """
     if decoder.packets.is_exact:
         yield from Stretches(decoder).frames(start)
@@ -225,10 +226,10 @@ def numbered(decoder: Decoder, start: int) -> Iterator[Numbered]:
 
 
 def _copied(item: Numbered) -> Numbered:
-    """The frame in memory of its own.
+    """A copy of the frame in new memory.
 
-    A decoder writes into the buffers that it is given back, and leaves in them what it cannot
-    decode: which one it gets must not depend on how long its frames are looked at.
+    A decoder reuses returned buffers, and leaves old content where it cannot decode; so which
+    buffer it gets must not depend on how long its frames are used.
     """
     index, frame, is_damaged = item
     graph = av.filter.Graph()

@@ -1,4 +1,4 @@
-"""What a file's tags mean: matrix, range, transfer, primaries, siting and orientation."""
+"""Interpreting a file's tags: matrix, range, transfer, primaries, siting and orientation."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from itmo_video.model import (
     Transfer,
 )
 
-HD_WIDTH, SD_LINES = 1280, 576  # untagged: BT.709 from this width, or above this height
+HD_WIDTH, SD_LINES = 1280, 576  # untagged: BT.709 from this width or above this height
 
 # FFmpeg's numbers, which are those of ITU-T H.273.
 _MATRICES: dict[int, Matrix] = {
@@ -49,10 +49,10 @@ _RANGES: dict[int, Range] = {1: "limited", 2: "full"}
 
 @dataclass(frozen=True)
 class InputOptions:
-    """How the user says that an input is to be read; "auto" goes by its tags.
+    """How an input is to be read; "auto" follows its tags.
 
-    `stream` is a video stream's number in the file. With `only_tells` nothing is refused as HDR:
-    the clip says what it is and is not converted.
+    `stream` is a video stream's number in the file. With `only_tells` HDR is not refused: the clip
+    is opened for its metadata only.
     """
 
     transfer: str = "auto"
@@ -69,7 +69,7 @@ class InputOptions:
 
 @dataclass(frozen=True)
 class Tags:
-    """FFmpeg's numbers for colour; 2 or 0 where nothing is said, or what a profile names."""
+    """Colour tags as FFmpeg's numbers (2 or 0: unspecified), or what a profile names."""
 
     matrix: int = 2
     range: int = 0
@@ -80,7 +80,7 @@ class Tags:
 
 
 def read_tags(frame: Any, context: Any = None) -> Tags:
-    """Take a decoded frame's tags; where it has none, its stream's."""
+    """A decoded frame's tags; where it has none, its stream's."""
 
     def first(name: str, unknown: tuple[int, ...]) -> int:
         values = [int(getattr(owner, name)) for owner in (frame, context) if owner is not None]
@@ -107,9 +107,9 @@ def resolve_encoding(
     size: tuple[int, int],
     where: str,
 ) -> tuple[Encoding, tuple[str, ...]]:
-    """Decide how codes are read, by the user's word, the tags or what is usual; and say so.
+    """Decide how codes are read, by the settings, the tags or conventions, with notices.
 
-    Raises AlreadyHdrError for PQ, HLG, linear and log tags that the user does not overrule, and
+    Raises AlreadyHdrError for PQ, HLG, linear and log tags that the user does not override, and
     InputError for a matrix that is not Y'CbCr.
     """
     origins: dict[str, Origin] = {}
@@ -126,40 +126,40 @@ def resolve_encoding(
         result = chosen if chosen != "auto" else tagged or usual
         if name in unread:
             if origins[name] == "assumed":
-                told.append(f"{name} tagged as {unread[name]}: not known here, read as {result}")
+                told.append(f"{name} tagged as {unread[name]}: not supported, read as {result}")
         elif origins[name] == "assumed" and (name not in ("matrix", "range") or family == "ycbcr"):
             assumed.append(f"{name} {result}")
         return result
 
     set_transfer = options.transfer
     if tags.transfer in _HDR_TRANSFERS and set_transfer == "auto" and options.only_tells:
-        told.append(f"it is tagged as {_HDR_TRANSFERS[tags.transfer]}: it is HDR already")
+        told.append(f"tagged as {_HDR_TRANSFERS[tags.transfer]}: it is already HDR")
     elif tags.transfer in _HDR_TRANSFERS and set_transfer == "auto":
         if not options.force_sdr:
             raise AlreadyHdrError(
-                f"it is tagged as {_HDR_TRANSFERS[tags.transfer]}, so it is HDR already",
+                f"tagged as {_HDR_TRANSFERS[tags.transfer]}: it is already HDR",
                 where=where,
-                remedy="If the tag is wrong, say what it is: --transfer bt1886, or --force-sdr.",
+                remedy="If the tag is wrong, use --transfer bt1886 or --force-sdr.",
             )
         set_transfer = "bt1886"
     if tags.primaries == _XYZ and set_transfer == "auto" and not options.only_tells:
         raise InputError(
-            "its primaries are tagged as XYZ (SMPTE 428), so its codes are no RGB",
+            "primaries are tagged as XYZ (SMPTE 428), so the codes are not RGB",
             where=where,
-            remedy="Convert it to RGB first; if the tag is wrong, --transfer bt1886.",
+            remedy="Convert it to RGB first; if the tag is wrong, use --transfer bt1886.",
         )
     if family == "ycbcr" and options.matrix == "auto" and tags.matrix in _OTHER_MATRICES:
         raise InputError(
-            f"its matrix {_OTHER_MATRICES[tags.matrix]} is not known here",
+            f"matrix {_OTHER_MATRICES[tags.matrix]} is not supported",
             where=where,
-            remedy="If the tag is wrong, say what it is: --matrix bt709.",
+            remedy="If the tag is wrong, use --matrix bt709.",
         )
     if tags.matrix in _NEAR_MATRICES and family == "ycbcr" and options.matrix == "auto":
         told.append(f"matrix {_NEAR_MATRICES[tags.matrix]} is read as {_MATRICES[tags.matrix]}")
     is_hd = size[0] >= HD_WIDTH or size[1] > SD_LINES  # mpv's rule, and so of most players
     usual_matrix = "bt709" if is_hd and codec != "mjpeg" and not is_still else "bt601"
     is_full = family != "ycbcr" or is_full_format
-    # A limited tag on RGB or on a grey image is nearly always a default that was never meant.
+    # A limited-range tag on RGB or grey images is nearly always an unintended default.
     range_tag = None if family == "rgb" or (family == "grey" and is_still) else tags.range
     encoding = Encoding(
         family=family,
@@ -201,7 +201,7 @@ def resolve_encoding(
 
 
 def _siting(codec: str) -> ChromaSiting:
-    # PyAV does not show the stream's chroma location, so it is the codec's convention.
+    # PyAV does not expose the stream's chroma location, so the codec's convention is used.
     return "center" if codec in ("mpeg1video", "mjpeg", "webp", "vp8", "theora") else "left"
 
 
@@ -209,9 +209,9 @@ def _siting(codec: str) -> ChromaSiting:
 
 
 def matrix_turn(matrix: Sequence[int]) -> tuple[int, bool]:
-    """(degrees clockwise, mirrored left-right first) of a display matrix's nine integers.
+    """(degrees clockwise, mirrored left-right first) from a display matrix's nine integers.
 
-    Angles between right angles are rounded to the nearest (ISO/IEC 14496-12, 6.2.2).
+    Other angles are rounded to the nearest right angle (ISO/IEC 14496-12, 6.2.2).
     """
     a, b, _, c, d = (float(value) for value in matrix[:5])
     flip = a * d - b * c < 0
@@ -220,9 +220,9 @@ def matrix_turn(matrix: Sequence[int]) -> tuple[int, bool]:
 
 
 def frame_turn(frame: Any) -> tuple[int, bool]:
-    """(degrees clockwise, mirrored first) that turn a decoded frame upright."""
+    """(degrees clockwise, mirrored first) that make a decoded frame upright."""
     try:
-        for index in range(len(frame.side_data)):  # iterated, it gives keys from PyAV 19 on
+        for index in range(len(frame.side_data)):  # iteration yields keys from PyAV 19 on
             side = frame.side_data[index]
             if side.type.name == "DISPLAYMATRIX":
                 return matrix_turn(np.frombuffer(bytes(side), np.int32).tolist())

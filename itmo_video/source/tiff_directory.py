@@ -1,4 +1,4 @@
-"""A TIFF's first directory: its entries, and whether JPEGs that are its parts are whole."""
+"""A TIFF's first directory: its entries, and a check of JPEG-compressed strips and tiles."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _MOST_ENTRIES, _MOST_PARTS = 1000, 1 << 22
 
 
 class Entry(NamedTuple):
-    """One entry: its type, how many values, and where the first of them is."""
+    """One entry: its type, the number of values, and the offset of the first."""
 
     kind: int
     length: int
@@ -22,7 +22,7 @@ class Entry(NamedTuple):
 
 
 def first_directory(data: bytes) -> dict[int, Entry]:
-    """Entries of the first directory (TIFF 6.0, section 2; BigTIFF) by tag; {} where broken."""
+    """Entries of the first directory (TIFF 6.0, section 2; BigTIFF) by tag; {} if broken."""
     order, is_big = _byte_order(data), _is_big(data)
     word = "Q" if is_big else "I"
     size = struct.calcsize(f"={word}")
@@ -45,7 +45,7 @@ def first_directory(data: bytes) -> dict[int, Entry]:
 
 
 def numbers(data: bytes, entry: Entry | None) -> tuple[int, ...]:
-    """The entry's whole numbers; () where it has none, or they are not in the file."""
+    """The entry's integers; () if it has none, or they lie outside the file."""
     form = None if entry is None else _FORMS.get(entry.kind)
     if entry is None or form is None or entry.length > _MOST_PARTS:
         return ()
@@ -56,10 +56,10 @@ def numbers(data: bytes, entry: Entry | None) -> tuple[int, ...]:
 
 
 def check_jpeg_parts(data: bytes) -> None:
-    """Raise DamageError unless each strip or tile that is a JPEG goes on to its end marker.
+    """Raise DamageError unless each JPEG strip or tile is complete up to its end marker.
 
-    libtiff shows what there is of one, and a plain colour for the rest, without a word. (Of the
-    other compressions it tells.)
+    libtiff silently shows what there is of one, and a plain colour for the rest. (It does report
+    damage with other compressions.)
     """
     entries = first_directory(data)
     if numbers(data, entries.get(_COMPRESSION))[:1] != (_JPEG,):
@@ -67,7 +67,7 @@ def check_jpeg_parts(data: bytes) -> None:
     for offsets, counts in zip(_OFFSETS, _COUNTS, strict=True):
         starts, sizes = numbers(data, entries.get(offsets)), numbers(data, entries.get(counts))
         for number, (at, size) in enumerate(zip(starts, sizes, strict=False), 1):
-            if size:  # a part of no bytes is one that was left out: libtiff tells
+            if size:  # a part of 0 bytes was omitted, which libtiff reports
                 _check_part(data[at : at + size], number)
 
 
@@ -75,7 +75,7 @@ def _check_part(data: bytes, number: int) -> None:
     try:
         check_jpeg(data)
     except DamageError as error:
-        raise DamageError(f"its strip or tile {number} is damaged") from error
+        raise DamageError(f"strip or tile {number} is damaged") from error
 
 
 def _byte_order(data: bytes) -> str:

@@ -31,15 +31,15 @@ class VideoClip(Clip):
         except av.FFmpegError as error:
             raise InputError(f"cannot be read ({error.strerror})", where=str(path)) from error
         self.info = self._facts.info
-        # A decoder at the first frame, which is the slowest one: who reads from there goes on.
+        # A decoder at the first frame, which is the slowest to get: readers from there use it.
         self._begun = [] if begun is None else [begun]
 
     def frames(self, start: int = 0) -> Iterator[Frame]:
-        """Yield frames from index `start` on; from the nearest point before that decodes alike."""
+        """Yield frames from index `start` on, decoding from the nearest suitable point before."""
         facts = self._facts
         ahead = max(0, start - LEAD_IN) if facts.is_deinterlaced else start
         try:
-            begun = self._begun.pop()  # whoever comes first, if threads read side by side
+            begun = self._begun.pop()  # for the first reader, if threads read in parallel
         except IndexError:
             begun = None
         pictures = begun if begun is not None and ahead == 0 else numbered(facts.decoder, ahead)
@@ -52,12 +52,12 @@ class VideoClip(Clip):
                     self._check_same(index, decoded)
                     yield self._frame(index, decoded, is_damaged)
         except (InputError, av.FFmpegError, OSError):
-            self._check_source()  # who writes to it leaves it empty first: that is the reason then
+            self._check_source()  # a file being rewritten is empty first, which is then the reason
             raise
         self._check_source()
 
     def time_s(self, index: int) -> Fraction:
-        """Presentation time as stamped; counted at the frame rate where stamps are unusable."""
+        """The presentation time as stamped, or by the frame rate if stamps are unusable."""
         packets = self._facts.decoder.packets
         if packets.is_exact:
             return packets.pts[index] * self._facts.time_base
@@ -68,7 +68,7 @@ class VideoClip(Clip):
         self._begun.clear()
 
     def _check_source(self) -> None:
-        """Raise DamagedInputError where another film's frames would bear this one's name."""
+        """Raise DamagedInputError if the file was replaced by another."""
         self._source.check(self._path)
 
     def _is_same(self, decoded: Any) -> bool:
@@ -81,16 +81,16 @@ class VideoClip(Clip):
         (width, height), form = self._facts.size, self._facts.form
         now = f"{decoded.width}x{decoded.height} {pixel_form(decoded)}"
         raise DamagedInputError(
-            f"frame {index} is {now}, not {width}x{height} {form} as before",
+            f"frame {index} changes to {now} from {width}x{height} {form}",
             where=self.info.path,
-            remedy="What came before it can be converted; split the file where it changes.",
+            remedy="The frames before it can be converted; split the file where it changes.",
         )
 
     def _frame(self, index: int, decoded: Any, is_damaged: bool) -> Frame:
         stored = self._facts.stored
         planes = read_picture(decoded).planes
         count = {"ycbcr": 3, "rgb": 3, "grey": 1}[stored.family] + stored.has_alpha
-        if len(planes) < count:  # a palette without transparency, in a clip that has it
+        if len(planes) < count:  # a palette without transparency in a clip with alpha
             planes = (*planes, np.full_like(planes[0], 255))
         facts = self._facts
         planes, encoding = shown_planes(planes[:count], stored, facts.crop, facts.turn)

@@ -153,7 +153,7 @@ class Session:
         found = next(self.clip.frames(index), None)
         if found is None or found.index != index:
             raise DamagedInputError(
-                f"frame {index} of the source does not decode", where=str(self._source)
+                f"frame {index} of the source cannot be decoded", where=str(self._source)
             )
         return found
 
@@ -217,7 +217,7 @@ class Session:
                 if analysed.index == index:
                     return span, analysed
         raise DamagedInputError(
-            f"frame {index} of the source does not decode", where=str(self._source)
+            f"frame {index} of the source cannot be decoded", where=str(self._source)
         )
 
     def _analyse(self, frame: Frame, map_width: int) -> Analysed:

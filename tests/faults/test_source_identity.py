@@ -136,7 +136,7 @@ def test_a_film_replaced_in_mid_run_leaves_no_frame_of_the_other(how: str, tmp_p
                 if how == "a folder":
                     clip.mkdir()
 
-    with pytest.raises(DamagedInputError, match="while it was read"):
+    with pytest.raises(DamagedInputError, match="while it was being read"):
         convert(clip, tmp_path / "o", settings, RunOptions(jobs=1), on_event)
     made = exr_bytes(tmp_path / "o")
     assert 0 < len(made) < count
@@ -174,7 +174,7 @@ def test_a_sequence_that_changes_in_mid_run_is_told(
         victim.unlink()
         if how != "deleted":
             (os.mkdir if how == "a folder" else os.mkfifo)(victim)
-    with pytest.raises(DamagedInputError, match="while it was read") as caught:
+    with pytest.raises(DamagedInputError, match="while it was being read") as caught:
         list(frames)
     assert caught.value.where == str(victim)
 

@@ -79,7 +79,7 @@ def test_a_pattern_that_no_shell_filled_in(
 ) -> None:
     cv2.imwrite(str(tmp_path / "img1.png"), np.zeros((8, 8, 3), np.uint8))
     assert main(["convert", str(tmp_path / "img*.png"), str(tmp_path / "o")]) == 3
-    assert "Leave the quotes out" in capsys.readouterr().err
+    assert "Remove the quotes" in capsys.readouterr().err
     cv2.imwrite(str(tmp_path / "img[1].png"), np.zeros((8, 8, 3), np.uint8))
     assert main(["convert", str(tmp_path / "img[1].png"), str(tmp_path / "o"), "--quiet"]) == 0
 
