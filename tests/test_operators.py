@@ -185,5 +185,5 @@ def test_every_operator_is_one_by_the_protocol(name: str) -> None:
 
 
 def test_the_expand_map_is_there_only_while_a_map_is_made() -> None:
-    with pytest.raises(ValueError, match="when a map is made"):
+    with pytest.raises(ValueError, match="while a map is computed"):
         context("linear").expand_map(RAMP)

@@ -1,1 +1,1 @@
-"""Inner loops in C, for where a compiler was found; without them NumPy and OpenCV do the same."""
+"""Inner loops in C, built if there is a compiler; otherwise NumPy and OpenCV do the same."""

@@ -1,7 +1,7 @@
-"""Which arithmetic a process computes with: its kernels, and the vector units that libraries use.
+"""The arithmetic of a process: its kernels, and the vector units that libraries use.
 
-OpenCV and NumPy choose their loops by the processor, and round differently with each; so do the
-compiled kernels and what stands in for them. The same bytes are promised for one arithmetic.
+OpenCV and NumPy choose their loops by the processor, with different rounding; the compiled kernels
+and their fallbacks differ, too. Identical bytes are guaranteed for one arithmetic only.
 """
 
 from __future__ import annotations
@@ -14,20 +14,20 @@ import numpy as np
 
 from itmo_video.kernels import library
 
-_LEVELS = ("AVX512", "AVX2", "AVX", "SSE4", "NEON")  # the best first
+_LEVELS = ("AVX512", "AVX2", "AVX", "SSE4", "NEON")  # best first
 _NUMPY = {"X86_V4": "AVX512", "X86_V3": "AVX2", "X86_V2": "SSE4"}  # names of NumPy 2.4
 
 
 def arithmetic() -> str:
-    """What bytes depend on beside settings and source, such as "compiled-x86_64-AVX2-AVX512"."""
+    """The arithmetic that output bytes depend on, such as "compiled-x86_64-AVX2-AVX512"."""
     kernels = "compiled" if library.library() is not None else "libraries"
     return "-".join((kernels, platform.machine(), *_vector_units()))
 
 
 @functools.lru_cache(maxsize=1)
 def _vector_units() -> tuple[str, str]:
-    """The best that OpenCV and NumPy use here; both can be made to do without some."""
-    # "SSE2 *SSE4.2 *AVX2?": a star for what is chosen as it runs, ? for what is not there.
+    """The best levels that OpenCV and NumPy use here; both can be told to disable some."""
+    # "SSE2 *SSE4.2 *AVX2?": * is chosen at run time, ? is not available.
     line = [word.strip("*") for word in cv2.getCPUFeaturesLine().split() if word[-1] != "?"]
     core = getattr(np, "_core", None)
     known = getattr(getattr(core, "_multiarray_umath", None), "__cpu_features__", {})

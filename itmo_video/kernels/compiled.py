@@ -1,6 +1,6 @@
-"""What the compiled library does, where it was built: the compiled form of each kernel.
+"""The compiled form of each kernel, for when the library was built.
 
-Callers call none of these: dispatch.py makes one entry of each and of its plain form.
+Not to be called directly: dispatch.py combines each with its plain form.
 """
 
 from __future__ import annotations
@@ -21,28 +21,28 @@ Float64 = npt.NDArray[np.float64]
 Half = npt.NDArray[np.float16]
 Indices = npt.NDArray[np.int64]
 
-_BLOCK_ROOM = 2 * 1024 + 32  # HEADER_ROOM for both blocks, zlib's own bytes and the writer's last
+_BLOCK_ROOM = 2 * 1024 + 32  # HEADER_ROOM for both blocks, zlib's bytes and the writer's last
 AT_ONCE = 8  # as in upsampling.h
 
 
 def alike(*arrays: npt.NDArray[Any] | None) -> None:
-    """ValueError unless all arrays, None apart, are of one shape: C would read past the least."""
+    """Raise ValueError unless all arrays (except None) have one shape, as C does not check it."""
     shapes = {array.shape for array in arrays if array is not None}
     if len(shapes) > 1:
         raise ValueError(f"arrays of different shapes: {', '.join(map(str, sorted(shapes)))}")
 
 
 def whole(plane: npt.NDArray[Any]) -> Float32:
-    """The plane as the loops read it: float32 without gaps."""
+    """The plane as the loops need it: contiguous float32."""
     return np.ascontiguousarray(plane, np.float32)
 
 
 def pack_literals(loaded: ctypes.CDLL, rows: Bytes2D) -> list[bytes]:
-    """Each row (count, size) as a zlib stream that says its bytes in Huffman's code, no repeats.
+    """Each row (count, size) as a zlib stream of Huffman-coded literals, without matches.
 
-    The rows share two codes, one of their first halves and one of their second halves: EXR puts
-    the lower bytes of its pixels there and the upper ones here. `rows` are contiguous, of an even
-    size above 0, and less than 2**31 bytes in all. Other threads run meanwhile.
+    The rows share two codes, one for their first halves and one for their second halves, where EXR
+    puts the lower and the upper bytes of its pixels. `rows` are contiguous, of an even size above
+    0, and less than 2**31 bytes in all. Releases the GIL.
     """
     count, size = rows.shape
     if size < 2 or size % 2 or rows.size >= 2**31:
@@ -82,7 +82,7 @@ def ycbcr_rows(
     codes: CodesToLight,
     out: Sequence[Float32],
 ) -> None:
-    """Some rows of a picture's Y'CbCr as R'G'B' into three float32 arrays of (rows, width).
+    """Convert rows of a Y'CbCr picture to R'G'B', in three float32 arrays of (rows, width).
 
     `planes` are whole, uint8 or uint16, chroma as large as luma or half as wide, and half as high.
     Any strip has the same bytes.
@@ -119,7 +119,7 @@ def _check_rows(rows: slice, plane: npt.NDArray[Any]) -> None:
 
 
 def _in_lines(plane: Plane) -> Plane:
-    """The plane, or a copy whose lines are without gaps between codes of this machine's kind."""
+    """The plane, or a copy with contiguous lines in native byte order."""
     if plane.strides[1] == plane.itemsize and plane.dtype.isnative:
         return plane
     return cast(Plane, np.ascontiguousarray(plane, plane.dtype.newbyteorder("=")))
@@ -132,7 +132,7 @@ def drive(
     ratio: Float32 | None,
     out: Float32 | None = None,
 ) -> Float32:
-    """The weighted sum of three planes, times `ratio` if any, limited to [0, 1]: in `out` or new.
+    """The weighted sum of three planes, times `ratio` if any, clamped to [0, 1]: in `out` or new.
 
     All contiguous float32 of one shape.
     """
@@ -155,7 +155,7 @@ def camera_model(
     sigmas: Sequence[float],
     ridge: float,
 ) -> Float64:
-    """`flow.camera_model` of float64 arrays, in one order of sums on all machines: (3, 2)."""
+    """`flow.camera_model` of float64 arrays, summed in the same order on all machines: (3, 2)."""
     alike(across, down, texture, *vectors)
     scales, weight, model = np.array(sigmas), np.empty(texture.size), np.empty((2, 3))
     loaded.itmo_camera_model(
@@ -202,9 +202,9 @@ def guide_rows(
 ) -> tuple[list[Float32], Float32 | None]:
     """`guidance.Guidance.rows` of the coefficients `small` (planes, h, w): the maps and the ratio.
 
-    `luma` is the whole picture's, (H, W) in codes with black at the first of `levels` and white by
-    the second above it; `between` tells for each row the row of `small` above it, and the share of
-    the one below. With `guards` the first two planes are the ratio's. Any strip has the same bytes.
+    `luma` is the complete picture's, (H, W), with black at code `levels[0]` and white `levels[1]`
+    above it; `between` gives for each row the row of `small` above it, and the weight of the one
+    below. With `guards` the first two planes are the ratio's. The result does not depend on strips.
     """
     above, parts = between
     luma, small = _in_lines(luma), whole(small)
@@ -248,10 +248,10 @@ def expand(
     strength: float,
     out: Half,
 ) -> None:
-    """Three planes times 1 + strength * (base + weight * (gain - base) - 1) as halves into `out`.
+    """Write three planes times 1 + strength * (base + weight * (gain - base) - 1) to `out` (half).
 
-    All planes are of one shape; `out` holds three. Rounded to the nearest half; what is too large
-    becomes infinite.
+    All planes have one shape; `out` has three. Rounded to the nearest half; overflow becomes
+    infinity.
     """
     gain, weight = whole(gain), whole(weight)
     alike(*rgb, gain, weight, *out)
@@ -264,7 +264,7 @@ def expand(
 
 @functools.lru_cache(maxsize=8)
 def columns_between(small_width: int, width: int) -> tuple[npt.NDArray[np.int32], Float32]:
-    """The first column right of the middle of each small one, and each column's share of it."""
+    """The first column right of the centre of each small one, and each column's weight for it."""
     x = (np.arange(width + AT_ONCE) + 0.5) * (small_width / width) - 0.5
     left = np.floor(x)
     starts = np.searchsorted(left[:width], np.arange(-1, small_width + 1)).astype(np.int32)

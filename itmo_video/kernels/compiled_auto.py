@@ -1,4 +1,4 @@
-"""The compiled form of `auto`'s gains, by themselves or times the picture as half floats."""
+"""The compiled form of `auto`'s gains, alone or multiplied with the picture as half floats."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _BLOCK = 64  # places, as in auto_gains.h
 
 
 class GainAuto(NamedTuple):
-    """The numbers of `operators.auto.gain_auto`, in the order of auto.c's.
+    """The constants of `operators.auto.gain_auto`, in the order of auto.c.
 
     `gate` is (from, centre, slope of a power of two, low, white) of a channel's opening, `steep`
     where a channel parts from the others, wholly, and whether it may, `bound` how far it may beside
@@ -119,7 +119,7 @@ def gain_auto(
     maps: Sequence[Float32],
     numbers: GainAuto,
 ) -> list[Float32]:
-    """The gains of three planes as `operators.auto.gain_auto` has them: new arrays."""
+    """The gains of three planes as in `operators.auto.gain_auto`: new arrays."""
     given = _given_to_auto(rgb, ratio, maps, numbers)
     out = [np.empty(rgb[0].shape, np.float32) for _ in rgb]
     loaded.itmo_gain_auto(
@@ -138,9 +138,9 @@ def expand_auto(
     strength: float,
     out: Half,
 ) -> None:
-    """Three planes times 1 + `strength` * (gain_auto - 1) as halves into `out`, which holds three.
+    """Write three planes times 1 + `strength` * (gain_auto - 1) to `out` (three planes, half).
 
-    Rounded to the nearest half; what is too large becomes infinite.
+    Rounded to the nearest half; overflow becomes infinity.
     """
     given = _given_to_auto(rgb, ratio, maps, numbers)
     alike(rgb[0], *out)
@@ -153,7 +153,7 @@ def expand_auto(
 def _given_to_auto(
     rgb: Sequence[Float32], ratio: Float32 | None, maps: Sequence[Float32], numbers: GainAuto
 ) -> list[Float32 | None]:
-    """Planes, ratio, four maps and numbers as auto.c has them: no map is None, nor is one of 0."""
+    """Planes, ratio, four maps and constants for auto.c: a map that is missing or 0 is None."""
     planes = [whole(plane) for plane in rgb]
     smoothed = None if ratio is None else whole(ratio)
     levels = [None if is_nothing(plane) else whole(plane) for plane in maps] or [None] * 4
@@ -162,5 +162,5 @@ def _given_to_auto(
 
 
 def is_nothing(plane: Float32) -> bool:
-    """Whether a map is one value for all places, which is 0: see guidance.Guidance.rows."""
+    """Whether a map is a single value of 0 for all places: see guidance.Guidance.rows."""
     return plane.strides == (0, 0) and not plane.any()

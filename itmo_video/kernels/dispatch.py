@@ -1,4 +1,4 @@
-"""One entry a kernel: its compiled form where the library is loaded, else its plain one."""
+"""One function per kernel: its compiled form if the library is loaded, else its plain form."""
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ Result = TypeVar("Result")
 def with_compiled_form(
     compiled_form: Callable[Concatenate[ctypes.CDLL, Arguments], Result],
 ) -> Callable[[Callable[Arguments, Result]], Callable[Arguments, Result]]:
-    """Decorate a kernel's plain form, by NumPy and OpenCV, with its compiled one.
+    """Decorate a kernel's plain form, in NumPy and OpenCV, with its compiled one.
 
-    What is called then is either: `compiled_form(library, ...)` where the compiled library is
-    loaded, else the decorated function with the same arguments. That one is what an installation
-    without a compiler runs and, at once, the oracle that tests hold the compiled form against.
+    The result calls `compiled_form(library, ...)` if the compiled library is loaded, otherwise the
+    decorated function with the same arguments. The latter is what an installation without a
+    compiler runs, and also the oracle that tests compare the compiled form with.
     """
 
     def decorate(plain_form: Callable[Arguments, Result]) -> Callable[Arguments, Result]:
         @functools.wraps(plain_form)
         def kernel(*args: Arguments.args, **kwargs: Arguments.kwargs) -> Result:
-            # Asked at each call, as tests take the library away.
+            # Checked at each call, as tests disable the library.
             if (loaded := library.library()) is not None:
                 return compiled_form(loaded, *args, **kwargs)
             return plain_form(*args, **kwargs)

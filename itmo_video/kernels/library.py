@@ -1,4 +1,4 @@
-"""The compiled kernels: the shared library, where it was built."""
+"""Loading the shared library of compiled kernels, if it was built."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _VERSION = 13  # of the kernels
 
 
 class _Array:
-    """An argument that is an array of one dtype without gaps, or None; else ctypes raises."""
+    """An argument that must be a contiguous array of one dtype, or None; else ctypes raises."""
 
     def __init__(self, dtype: npt.DTypeLike) -> None:
         self._dtype = np.dtype(dtype)
@@ -31,7 +31,7 @@ class _Array:
 
 
 class _Lines:
-    """An argument that is a plane whose lines have no gaps in them, but may between them."""
+    """An argument that must be a plane with contiguous lines; there may be gaps between lines."""
 
     def from_param(self, plane: npt.NDArray[Any]) -> ctypes.c_void_p:
         if plane.dtype.kind not in "uf" or plane.itemsize > 4 or not plane.dtype.isnative:
@@ -48,7 +48,7 @@ _TYPES: dict[str, Any] = {
 }  # fmt: skip
 
 
-# As loops.h has them (tests/test_native.py compares): lower case is a number or a plane's lines.
+# As in loops.h (tests/test_native.py compares): lower case is a number or a plane's lines.
 _ARGUMENTS = {
     "pack_literals": "BnnBL",
     "ycbcr_rows": "pppnLn" + "nnnnnnn" + "FFfF" + "FFF",
@@ -69,12 +69,12 @@ _ARGUMENTS = {
 
 
 def library() -> ctypes.CDLL | None:
-    """The compiled library; None where none was built, or one of another version."""
+    """The compiled library; None if it was not built, or has another version."""
     return _found()[0]
 
 
 def state() -> str:
-    """Whether the compiled kernels run and, where they do not, why, in a few words."""
+    """The compiled library or None, and whether the kernels run, with the reason if not."""
     return _found()[1]
 
 
@@ -82,16 +82,16 @@ def state() -> str:
 def _found() -> tuple[ctypes.CDLL | None, str]:
     path = Path(__file__).with_name("_native.so")
     if sys.byteorder != "little":
-        return None, "not running: they are for little-endian machines"
+        return None, "not running: they need a little-endian machine"
     if not path.exists():
         return None, f"not running: {path} was not built (install again with a C compiler)"
     try:
         loaded = ctypes.CDLL(str(path))
         version = loaded.itmo_version()
-    except (OSError, AttributeError) as error:  # another system's, or an old one
+    except (OSError, AttributeError) as error:  # built for another system, or an old one
         return None, f"not running: {error}"
     if version != _VERSION:
-        return None, f"not running: {path} is of another version (install again)"
+        return None, f"not running: {path} has another version (install again)"
     for name, letters in _ARGUMENTS.items():
         function = getattr(loaded, f"itmo_{name}")
         function.argtypes, function.restype = [_TYPES[letter] for letter in letters], None

@@ -1,9 +1,9 @@
 """Inverse tone mapping operators as gains: expanded luminance over display luminance.
 
-An operator (protocol.py) makes a map of a keyframe's picture, and gains of a frame by it; it has no
-state between frames. Eq. 3 keeps the hue by multiplying all three channels by the same ratio
-L_w / L_d, so that ratio is what an operator returns: it stays finite where L_d is 0, and no
-division by zero occurs.
+An operator (protocol.py) computes a map from a keyframe's picture, and gains for a frame with it;
+it has no state between frames. Eq. 3 keeps the hue by multiplying all three channels by the same
+ratio L_w / L_d, so an operator returns that ratio: it stays finite where L_d is 0, and no division
+by zero occurs.
 """
 
 from itmo_video.operators.base import (

@@ -1,6 +1,6 @@
-"""Akyuz et al. 2007: linear scaling, or a power, of what range the frame has.
+"""Akyuz et al. 2007: linear scaling, or a power, of the frame's range.
 
-The formula is from memory and agrees with the HDR Toolbox of Banterle et al.; the publication was
+The formula is from memory and agrees with the HDR Toolbox by Banterle et al.; the publication was
 not available.
 """
 
@@ -15,7 +15,7 @@ from itmo_video.operators.luminance_operator import LuminanceOperator
 def curve_akyuz2007(luminance: Floats, context: Context) -> Floats:
     """L'max * ((L_d - L_min) / (L_max - L_min))^gamma, with the frame's own extremes (eq. 1).
 
-    A frame of one luminance leaves the quotient open: it is then taken as L_d.
+    For a frame of constant luminance the quotient is undefined and taken as L_d.
     """
     low, high = context.frame.minimum, context.frame.maximum
     if high - low < 1e-6:
@@ -27,7 +27,7 @@ def curve_akyuz2007(luminance: Floats, context: Context) -> Floats:
 OPERATORS = (
     LuminanceOperator(
         "akyuz2007",
-        "the frame's own range scaled to the maximum",
+        "the frame's range scaled to the maximum",
         "Akyuz, Fleming, Riecke, Reinhard and Buelthoff, Do HDR displays support LDR content?, "
         "ACM TOG 26(3) 2007",
         gain_of(curve_akyuz2007),

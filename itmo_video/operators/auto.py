@@ -1,12 +1,13 @@
-"""`auto`: each shot by its own rendering, the paper's curve or a fitted estimate of what clipped.
+"""`auto`: each shot by how it was rendered to SDR: the paper's curve, or estimated highlights.
 
-Eq. 11 where highlights were folded into SDR, a network's word where they clipped; what did neither
-is left as it is.
+Eq. 11 where highlights were tone-mapped into SDR, a network's estimate where they clipped; anything
+else is unchanged.
 
-At keyframes, from the analysis picture (map_auto): how far each clipped place lies above white, in
-R, G and B apart (auto_levels), and eq. 11's weight at each place (auto_rendering). They are carried
-like the Expand Map. In every frame (gain_auto) one gain for all channels comes from eq. 11, so what
-did not clip keeps its chromaticity; a channel parts from the others only where it is at white.
+At keyframes, map_auto computes from the analysis picture how far each clipped place lies above
+white, for R, G and B separately (auto_levels), and the weight of eq. 11 at each place
+(auto_rendering). These are carried along motion like the Expand Map. In every frame (gain_auto)
+eq. 11 gives one gain for all channels, so unclipped colours keep their chromaticity; a channel
+departs from the others only where it is at white.
 """
 
 from __future__ import annotations

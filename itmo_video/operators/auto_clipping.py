@@ -1,9 +1,9 @@
-"""What of a picture is known to have clipped, and where its channels may part from one another.
+"""Where a picture is known to have clipped, and where its channels may depart from one another.
 
-A channel that stands at white by a code or two here and below it there has told that the light is
-about white, not how far above; noise and compression decide which pixel clips. So both are told by
-the share of what clips among what is bright around: an edge against the dark counts for nothing,
-and no pixel is decided by itself.
+A channel that is at white in some pixels and a code or two below it in others shows that the light
+is about white, not how far above; noise and compression decide which pixel clips. So both are
+determined by the share of clipped among bright pixels around: edges against the dark do not count,
+and no pixel decides alone.
 """
 
 from __future__ import annotations
@@ -26,10 +26,10 @@ LUMINANCE = (0.213, 0.715, 0.072)
 def known_clipped(rgb_linear: Float32) -> Float32:
     """Where each channel is known to have clipped: float32 (H, W, 3) in [0, 1].
 
-    By the share of what clips among what is bright in the channel, so that a lone bright pixel of a
-    wall is no lamp, and a white sky has no holes where compression let it waver; the places beside
-    count, too. Where one channel clips, those near white count with it: a sky recorded as (0.96,
-    0.99, 0.96) is white, and green if green alone were restored.
+    By the share of clipped among bright pixels of the channel, so that a single bright pixel of a
+    wall is not a lamp, and compression leaves no holes in a white sky; neighbouring places count,
+    too. Where one channel clips, channels near white count as clipped: a sky of (0.96, 0.99, 0.96)
+    is white, and would turn green if only green were restored.
     """
     shape = rgb_linear.shape
     clips = ramps(rgb_linear, CLIPS_FROM, CLIPS_WHOLLY)
@@ -41,10 +41,10 @@ def known_clipped(rgb_linear: Float32) -> Float32:
 
 
 def decided_together(stops: Float32, rgb_linear: Float32) -> Float32:
-    """Stops of R, G and B that part only where it is decided what clips: float32 (H, W, 3).
+    """Stops of R, G and B that differ only where it is certain what clips: float32 (H, W, 3).
 
-    Where no channel has clipped throughout, its mean by luminance counts for all three: as bright
-    as was told, and without a colour of its own. Both are (H, W, 3).
+    Where no channel clips throughout, the luminance-weighted mean is used for all three: as bright
+    as estimated, but without a colour shift. Both are (H, W, 3).
     """
     height, width = rgb_linear.shape[:2]
     size = (max(1, width // 4), max(1, height // 4))
@@ -59,7 +59,7 @@ def decided_together(stops: Float32, rgb_linear: Float32) -> Float32:
 
 
 def _share(clips: Float32, bright: Float32, sigma: float) -> Float32:
-    """Share of what clips, each channel by itself, among what is bright around."""
+    """The share of clipped among bright pixels around, for each channel separately."""
     around = _blurred(bright, sigma) + np.float32(0.02)
     return np.asarray(_blurred(clips, sigma) / around, np.float32)
 

@@ -1,9 +1,9 @@
-"""How far each clipped place lies above white, in R, G and B apart, estimated by a fitted network.
+"""How far clipped places lie above white, per channel, estimated by a fitted network.
 
-Fitted by docs/auto/fit.py to HDR panoramas of known radiance; its weights are auto.onnx, run by
-OpenCV's own cv2.dnn at keyframes. For each of a row of levels above SDR white it gives the share of
-a place's radiance that reaches it; summed up to the peak that is the expected log2 of the radiance
-held at that peak, so one network serves every L'max.
+Fitted by docs/auto/fit.py to HDR panoramas of known radiance; its weights, auto.onnx, are run by
+cv2.dnn at keyframes. For a series of levels above SDR white it predicts the probability that the
+radiance reaches each level; the sum up to the peak is the expected log2 of the radiance limited to
+that peak, so one network serves every L'max.
 """
 
 from __future__ import annotations
@@ -19,12 +19,12 @@ import numpy as np
 from itmo_video.colour.luminance import greatest_of
 from itmo_video.model import Float32
 
-# As in docs/auto/network.py, to which the weights belong.
+# As in docs/auto/network.py, which the weights were fitted with.
 EDGES_STOPS = (0.0, 0.3, 0.6, 0.9, 1.2, 1.6, 2.0, 2.5, 3.1, 3.7, 4.4)
 GATE_CENTRE, GATE_SLOPE = 0.9, 40.0
 TILE_PX = 32  # the network halves five times, so its pictures are multiples of this
-WIDTH_PX = 320  # of the network's picture where it would be wider than 480: half the time
-WRAP_PX = 64  # what a panorama shows of its other side
+WIDTH_PX = 320  # of the network's picture if it would be wider than 480: takes half the time
+WRAP_PX = 64  # added at each side of a panorama from its other side
 _WEIGHTS = "auto.onnx"
 _local = threading.local()
 
@@ -76,7 +76,7 @@ def level_shares(rgb_linear: Float32, wrap_x: bool = False) -> Float32:
     codes = cv2.copyMakeBorder(codes, 0, below, 0, right, cv2.BORDER_REFLECT)
     net = _network()
     net.setInput(features(codes, height)[None])
-    shares = np.array(net.forward()[0], np.float32)  # a copy: the network keeps its own
+    shares = np.array(net.forward()[0], np.float32)  # a copy, as the network reuses its buffer
     return shares.reshape(3, len(EDGES_STOPS) - 1, *shares.shape[1:])
 
 
@@ -103,14 +103,14 @@ def expected_levels(
 
 
 def _seen_size(height: int, width: int) -> tuple[int, int]:
-    """(height, width) of what the network sees of a picture of that size."""
+    """(height, width) of the network's input for a picture of that size."""
     if width <= 480:
         return height, width
     return max(1, round(height * WIDTH_PX / width)), WIDTH_PX
 
 
 def _network() -> Any:
-    """The network of the thread that asks: a cv2.dnn.Net is not to be shared."""
+    """The calling thread's network, as a cv2.dnn.Net cannot be shared."""
     if not hasattr(_local, "net"):
         data = resources.files(__package__).joinpath(_WEIGHTS).read_bytes()
         _local.net = cv2.dnn.readNetFromONNX(np.frombuffer(data, np.uint8))

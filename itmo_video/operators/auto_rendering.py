@@ -1,10 +1,10 @@
-"""How footage was rendered to SDR, read from one picture, and where eq. 11 undoes it.
+"""Estimating how footage was rendered to SDR, from one picture, and where eq. 11 inverts that.
 
-Two kinds of footage want opposite things. A camera that clips leaves everything below white as it
-was and loses what lies above; a tone-mapped picture (phones, grading, broadcast) has its highlights
-folded into the upper half of the codes, and the paper's curve is the inverse of that. The two are
-told apart by how much stands at the last codes beside what lies just below: a shoulder leaves
-hardly anything there, a clipped camera piles up all that was brighter.
+Two kinds of footage need opposite treatment. A camera that clips leaves everything below white
+unchanged and loses what lies above; a tone-mapped picture (phones, grading, broadcast) has its
+highlights compressed into the upper half of the codes, which the paper's curve inverts. They are
+distinguished by how many pixels are at the last codes compared with those just below: a shoulder
+leaves hardly any there, while a clipping camera piles up everything brighter.
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
-"""Banterle et al. 2007: the 2006 operator with an Expand Map that follows the picture's edges.
+"""Banterle et al. 2007: the 2006 operator with an edge-aware Expand Map.
 
-The map is of luminance, or one of each colour channel: median cut and density of R, G and B apart.
+The map is computed from luminance, or one from each colour channel separately.
 
-From memory of the publication; the HDR Toolbox of Banterle et al. makes maps of channels in the
-same way.
+From memory of the publication; the HDR Toolbox by Banterle et al. computes maps of channels in
+the same way.
 """
 
 from __future__ import annotations
@@ -18,13 +18,13 @@ from itmo_video.operators.photographic import curve_banterle2006, gain_banterle2
 
 
 def map_banterle2007(luminance: Float32, context: Context) -> Float32:
-    """The Expand Map by the settings at hand, cross-bilaterally filtered along luminance codes.
+    """The Expand Map with the current settings, cross-bilaterally filtered along luminance codes.
 
-    Float32 (H, W) in [0, 1]. The publication filters along edges without giving sizes: ours are
-    parameters. With maps of single channels `luminance` is that channel, also for the edges.
+    Float32 (H, W) in [0, 1]. The publication gives no filter sizes; here they are parameters. With
+    maps per channel `luminance` is that channel, also for the edges.
     """
     if context.density is None:
-        raise ValueError("the Expand Map of the settings is needed to make this one")
+        raise ValueError("this operator needs the Expand Map")
     sigma_px = max(1.0, context.params["sigma_space"] * luminance.shape[1] / 512)
     return np.asarray(
         cross_bilateral(
@@ -48,7 +48,7 @@ _FILTER = {
 OPERATORS = (
     LuminanceOperator(
         "banterle2007",
-        "banterle2006 with the Expand Map filtered along the picture's edges",
+        "banterle2006 with an Expand Map filtered along the picture's edges",
         _SOURCE,
         gain_banterle2006,
         _FILTER,
@@ -59,7 +59,7 @@ OPERATORS = (
     ),
     LuminanceOperator(
         "banterle2007_channels",
-        "banterle2007 with a map of each colour channel, so that hues change where lights are",
+        "banterle2007 with a map per colour channel, which changes hues at lights",
         _SOURCE,
         gain_banterle2006,
         _FILTER,

@@ -1,4 +1,4 @@
-"""What an operator may know of a frame, and the pieces that several share."""
+"""What an operator may know about a frame, and functions shared by several operators."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from itmo_video.model import Float32
 Floats: TypeAlias = npt.NDArray[np.floating[Any]]
 
 DELTA = 1e-3  # eq. 5; reproduces Table 1's Memorial to 1 %
-FLOOR = 1e-6  # luminance below which a gain is taken as that of FLOOR: no 0 / 0 at black
-OVER_CODE = 254 / 255  # Masia 2017 counts codes from 254 up as over-exposed
-_GAMMA = 2.4  # BT.1886, where a publication's thresholds are codes of 0 to 255
+FLOOR = 1e-6  # below this luminance the gain of FLOOR is used, to avoid 0 / 0 at black
+OVER_CODE = 254 / 255  # Masia 2017 counts codes of 254 and more as over-exposed
+_GAMMA = 2.4  # BT.1886, for publications whose thresholds are codes of 0 to 255
 
 
 @dataclass(frozen=True)
 class FrameStats:
-    """Statistics of one frame's luminance, in [0, 1]; made only for operators that need them.
+    """Statistics of one frame's luminance, in [0, 1]; computed only for operators that need them.
 
     `key` is Akyuz and Reinhard's (2006), from the 1st and 99th percentiles; `over_share` the share
     of over-exposed pixels, 0 to 1; `diffuse_white` the largest local mean (Meylan 2006).
@@ -40,20 +40,20 @@ Recall: TypeAlias = Callable[[str, Callable[[], Any]], Any]
 
 
 def made_anew(_what: str, make: Callable[[], Any]) -> Any:
-    """A `Recall` that remembers nothing."""
+    """A `Recall` without a cache."""
     return make()
 
 
 @dataclass(frozen=True)
 class Context:
-    """What an operator may know: maxima in units of SDR white, and its own parameters.
+    """What an operator may know: maxima in units of SDR white, and its parameters.
 
-    `alpha` and `geometric_mean` (eq. 5, of the frame) are set only where the user gave alpha;
-    `stats` only where the operator needs them; `density`, which makes the paper's Expand Map of a
-    luminance picture by the settings at hand, only where a map is made of luminance; `wraps` tells
-    that left and right meet, as in a panorama; `hue`, `lamps` and `footage` are the settings of
-    those names. `recall(what, make)` gives what is made of the picture alone, whatever the settings
-    of the look: anew, unless somebody who tries settings on one picture remembers it.
+    `alpha` and `geometric_mean` (eq. 5, of the frame) are set only if the user gave alpha; `stats`
+    only if the operator needs them; `density`, which computes the paper's Expand Map from luminance
+    with the current settings, only while a map is computed from luminance; `wraps`: left and right
+    meet, as in a panorama; `hue`, `lamps` and `footage` are the settings of those names.
+    `recall(what, make)` returns results that depend on the picture alone, not on the look; a caller
+    that tries several settings on one picture may cache them.
     """
 
     l_max: float
@@ -70,14 +70,16 @@ class Context:
     recall: Recall = made_anew
 
     def expand_map(self, luminance: Float32) -> Float32:
-        """The paper's Expand Map by the settings; ValueError where no map is being made."""
+        """The paper's Expand Map with the settings; ValueError unless a map is being computed."""
         if self.density is None:
-            raise ValueError("the Expand Map is made of luminance, when a map is made")
+            raise ValueError(
+                "the Expand Map is available only while a map is computed from luminance"
+            )
         return self.density(luminance)
 
     @property
     def scale(self) -> float | None:
-        """L_mean / alpha of eqs. 4 and 9, or None where eq. 13 makes the mean cancel."""
+        """L_mean / alpha of eqs. 4 and 9, or None if the mean cancels by eq. 13."""
         if self.alpha is None:
             return None
         if self.geometric_mean is None:
@@ -86,7 +88,7 @@ class Context:
 
     @property
     def frame(self) -> FrameStats:
-        """The frame's statistics; ValueError where the operator did not ask for them."""
+        """The frame's statistics; ValueError if the operator did not request them."""
         if self.stats is None:
             raise ValueError("this operator needs the frame's statistics (needs_stats)")
         return self.stats
@@ -94,7 +96,7 @@ class Context:
 
 @dataclass(frozen=True)
 class Parameter:
-    """An operator's own parameter: its default, bounds and meaning."""
+    """A parameter of an operator: its default, bounds and meaning."""
 
     default: float
     lower: float
@@ -108,11 +110,11 @@ Gain: TypeAlias = Callable[[Float32, Context], Float32]
 
 @dataclass(frozen=True)
 class Guard:
-    """What is smoothed out of the curve's argument: a guided filter's radius and epsilon.
+    """The noise guard's smoothing of the curve's argument: a guided filter's radius and epsilon.
 
-    The radius in pixels at analysis size; contrasts of codes (0 to 1, squared) below epsilon go.
-    `curve_map` is which of the operator's maps weighs the curve, where it has several: as that one
-    is 0 nothing need be smoothed.
+    The radius is in pixels at analysis size; contrasts of codes (0 to 1, squared) below epsilon are
+    removed. `curve_map` is the index of the map that weights the curve, if there are several: where
+    it is 0 no smoothing is needed.
     """
 
     radius_px: int
@@ -124,7 +126,7 @@ GRAIN = Guard(radius_px=3, epsilon=4e-4)  # 2 % of the code range counts as grai
 
 
 def gain_of(curve: Curve) -> Gain:
-    """The gain of a curve: expanded over display luminance, that of FLOOR below FLOOR."""
+    """The gain of a curve: expanded over display luminance, with luminance of at least FLOOR."""
 
     def gain(luminance: Float32, context: Context) -> Float32:
         above = np.maximum(luminance, np.float32(FLOOR))
@@ -139,12 +141,12 @@ def geometric_mean(luminance: Float32, delta: float = DELTA) -> float:
 
 
 def light_of_code(code: float) -> float:
-    """Linear luminance of a grey code in [0, 1], BT.1886."""
+    """The linear luminance of a grey code in [0, 1], BT.1886."""
     return float(code**_GAMMA)
 
 
 def code_of_light(luminance: Float32) -> Float32:
-    """Grey code in [0, 1] of linear luminance, BT.1886: where publications filter codes."""
+    """The grey code in [0, 1] of linear luminance, BT.1886, for publications that filter codes."""
     return np.asarray(np.power(luminance, np.float32(1 / _GAMMA)), np.float32)
 
 

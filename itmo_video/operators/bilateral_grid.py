@@ -8,7 +8,7 @@ import numpy as np
 
 from itmo_video.model import Float32, Float64
 
-_CELLS = 2.0  # grid cells to a sigma
+_CELLS = 2.0  # grid cells per sigma
 
 
 def cross_bilateral(
@@ -20,7 +20,7 @@ def cross_bilateral(
     (H, W) in [0, 1] (`sigma_range` > 0). After Chen, Paris and Durand 2007: splatted to the nearest
     cell, blurred, read trilinearly.
     """
-    from scipy import ndimage  # an eighth of a second with what it imports
+    from scipy import ndimage  # importing it takes an eighth of a second
 
     height, width = values.shape
     step, level = max(1.0, sigma_px / _CELLS), sigma_range / _CELLS

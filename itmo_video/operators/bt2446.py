@@ -1,7 +1,7 @@
 """ITU-R BT.2446 methods A and C, SDR to HDR.
 
-Tables and constants are from memory; tests hold them against the conditions that the report
-derives them from, and method A against its own forward form.
+Tables and constants are from memory; tests check them against the conditions that the report
+derives them from, and method A against its forward form.
 """
 
 from __future__ import annotations

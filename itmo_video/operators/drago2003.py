@@ -1,6 +1,6 @@
 """Drago et al. 2003, inverted: adaptive logarithmic mapping.
 
-Eq. 4 is from memory and agrees with published implementations of it.
+Eq. 4 is from memory and agrees with published implementations.
 """
 
 from __future__ import annotations
@@ -31,8 +31,8 @@ def forward(world: Floats, world_max: float, bias: float) -> Float64:
 def curve_drago2003(luminance: Floats, context: Context) -> Floats:
     """The inverse of `forward`, which has no closed form, by bisection to the last bit.
 
-    The publication divides world luminance by the scene's adaptation, which the picture does not
-    tell: it is the parameter, in units of SDR white. L_wmax is L'max.
+    The publication divides world luminance by the scene's adaptation, which cannot be derived from
+    the picture: it is a parameter, in units of SDR white. L_wmax is L'max.
     """
     adaptation, bias = context.params["adaptation"], context.params["bias"]
     world_max = context.l_max / adaptation
@@ -46,9 +46,9 @@ def curve_drago2003(luminance: Floats, context: Context) -> Floats:
 
 @lru_cache(maxsize=16)
 def _gains(world_max: float, bias: float) -> Float32:
-    """World over display luminance at even steps of the display's fourth root, from 0 to 1.
+    """World over display luminance, sampled evenly in the fourth root of the latter, from 0 to 1.
 
-    Even so, because the curve leaves black as a small power.
+    The fourth root, because the curve starts at black as a small power.
     """
     world = world_max * np.linspace(0, 1, 4 * _SAMPLES)[1:] ** 4
     display = forward(world, world_max, bias)

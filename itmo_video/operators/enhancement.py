@@ -1,9 +1,9 @@
-"""Linear stretching with a brightness enhancement around what clips: Rempel, and after him others.
+"""Linear stretching with a brightness enhancement around clipped areas: Rempel and followers.
 
-Both stretch the picture to L'max / alpha and multiply by 1 to alpha where a map tells that clipped
-light is near. The map is the operator's own and is carried by the keyframes.
+Both stretch the picture to L'max / alpha and multiply it by 1 to alpha near clipped light, as given
+by a map. The operator computes the map at keyframes.
 
-Both are from memory: Kovaleski and Oliveira's constants agree with the HDR Toolbox of Banterle et
+Both are from memory: Kovaleski and Oliveira's constants agree with the HDR Toolbox by Banterle et
 al.; Rempel's publication was not available.
 """
 
@@ -17,7 +17,7 @@ from itmo_video.operators.base import Context, Floats, Parameter, code_of_light
 from itmo_video.operators.bilateral_grid import cross_bilateral
 from itmo_video.operators.luminance_operator import LuminanceOperator
 
-_WIDTH = 1920  # pixels; the publications' filter sizes are for HD pictures
+_WIDTH = 1920  # pixels; the publications give filter sizes for HD pictures
 _GRADIENT = 0.05  # of codes: an edge that stops the enhancement
 _LEAST = 0.001  # of the blurred mask
 
@@ -28,7 +28,7 @@ def gain_enhanced(luminance: Float32, context: Context) -> Float32:
 
 
 def curve_enhanced(luminance: Floats, context: Context) -> Floats:
-    """L'max * L_d: what becomes of a pixel where the map is 1."""
+    """L'max * L_d: the expanded luminance where the map is 1."""
     return context.l_max * luminance
 
 
@@ -42,8 +42,8 @@ def map_rempel2007(luminance: Float32, context: Context) -> Float32:
 
     The blur is a Gaussian of `sigma` pixels at HD. The edge stopping is a fill that starts from
     the clipped pixels and spreads where gradients are weak; the publication runs it on a pyramid,
-    ours is on the analysis picture. It takes a pixel as clipped by its luminance, not by one of
-    its channels, as luminance is all that an operator is given.
+    ours on the analysis picture. A pixel counts as clipped by its luminance, not by its channels,
+    as an operator is given only luminance.
     """
     code = code_of_light(luminance)
     clipped = (code > context.params["clip_code"] / 255).astype(np.float32)
@@ -66,8 +66,8 @@ def map_rempel2007(luminance: Float32, context: Context) -> Float32:
 def map_kovaleski2014(luminance: Float32, context: Context) -> Float32:
     """The mask of clipped pixels, cross-bilaterally filtered along luminance codes (eq. 3).
 
-    Float32 (H, W) in [0, 1]; `sigma_space` pixels at HD, `sigma_range` in codes of 0 to 255. As in
-    `map_rempel2007` a pixel clips by its luminance.
+    Float32 (H, W) in [0, 1]; `sigma_space` in pixels at HD, `sigma_range` in codes of 0 to 255. As
+    in `map_rempel2007` a pixel counts as clipped by its luminance.
     """
     code = code_of_light(luminance)
     clipped = (code > context.params["clip_code"] / 255).astype(np.float32)
@@ -76,14 +76,14 @@ def map_kovaleski2014(luminance: Float32, context: Context) -> Float32:
 
 
 _ALPHA = Parameter(
-    4.0, 1.0, 100.0, "enhancement at most: the picture is stretched to maximum/alpha"
+    4.0, 1.0, 100.0, "maximum enhancement; the picture is stretched to maximum/alpha"
 )
-_CLIP = Parameter(230.0, 128.0, 254.0, "code above which a pixel is clipped (230 is for video)")
+_CLIP = Parameter(230.0, 128.0, 254.0, "code above which a pixel counts as clipped (video: 230)")
 
 OPERATORS = (
     LuminanceOperator(
         "rempel2007",
-        "LDR2HDR: stretched, and enhanced near clipped areas up to strong edges",
+        "LDR2HDR: stretched, and enhanced near clipped areas, stopping at strong edges",
         "Rempel, Trentacoste, Seetzen, Young, Heidrich, Whitehead and Ward, Ldr2Hdr, ACM TOG "
         "26(3) 2007",
         gain_enhanced,
@@ -98,7 +98,7 @@ OPERATORS = (
     ),
     LuminanceOperator(
         "kovaleski2014",
-        "stretched, and enhanced near clipped areas by a bilateral grid",
+        "stretched, and enhanced near clipped areas with a bilateral grid",
         "Kovaleski and Oliveira, High-quality reverse tone mapping for a wide range of "
         "exposures, SIBGRAPI 2014",
         gain_enhanced,

@@ -23,16 +23,16 @@ def _shoulder(x: Floats | np.float64) -> Floats:
 
 
 def curve_filmic(luminance: Floats, context: Context) -> Floats:
-    """The root x of `forward`, a quadratic, times L'max / W.
+    """The inverse of `forward`, the root x of a quadratic, times L'max / W.
 
     (A - y A) x^2 + (C B - y B) x + D E - y D F = 0 with y = L_d f(W) + E / F.
     """
     white = context.params["white"]
     shown = luminance * float(_shoulder(np.float64(white)))
     y = shown + E / F
-    a, b, c = A * (1 - y), B * (C - y), D * F * shown  # c with its sign turned
+    a, b, c = A * (1 - y), B * (C - y), D * F * shown  # c with its sign flipped
     root = np.sqrt(b * b + 4 * a * c)
-    # Of the two ways to write the root, the one that does not cancel.
+    # The form of the root that avoids cancellation.
     x = np.where(b > 0, 2 * c / (np.abs(b) + root), (root - b) / (2 * a))
     return np.asarray(x * (context.l_max / white))
 
@@ -40,10 +40,10 @@ def curve_filmic(luminance: Floats, context: Context) -> Floats:
 OPERATORS = (
     LuminanceOperator(
         "filmic",
-        "inverse of a filmic curve: Hable's, with toe and shoulder",
+        "inverse of Hable's filmic curve, with toe and shoulder",
         "Hable, Filmic tonemapping operators, filmicworlds.com 2010 (Uncharted 2, GDC 2010)",
         gain_of(curve_filmic),
-        {"white": Parameter(11.2, 1.0, 100.0, "W, the curve's luminance that becomes white")},
+        {"white": Parameter(11.2, 1.0, 100.0, "W, the luminance that the curve maps to white")},
         curve=curve_filmic,
     ),
 )

@@ -1,6 +1,6 @@
 """Huo et al. 2014: the retina's response, inverted, with local adaptation.
 
-The formula and its constants are from memory and agree with the HDR Toolbox of Banterle et al..
+The formula and its constants are from memory and agree with the HDR Toolbox by Banterle et al.
 """
 
 from __future__ import annotations
@@ -20,29 +20,29 @@ def adapted(local: Floats | float, context: Context) -> Floats:
 
 
 def gain_huo2014(luminance: Float32, context: Context) -> Float32:
-    """L'max over the frame's maximum: the gain where all around is white.
+    """L'max over the frame's maximum: the gain in white surroundings.
 
-    Departs from the publication in its scale: L'max times `adapted(1)` would be passed there.
+    The scale departs from the publication, with which L'max times `adapted(1)` would be exceeded.
     """
     return np.full_like(luminance, context.l_max / max(context.frame.maximum, 1e-3))
 
 
 def curve_huo2014(luminance: Floats, context: Context) -> Floats:
-    """L_d * L'max / L_max: what becomes of a pixel amid white."""
+    """L_d * L'max / L_max: the expanded luminance in white surroundings."""
     return luminance * (context.l_max / max(context.frame.maximum, 1e-3))
 
 
 def base_huo2014(context: Context) -> float:
-    """The gain amid black: L'max / L_max * adapted(0) / adapted(1)."""
+    """The gain in black surroundings: L'max / L_max * adapted(0) / adapted(1)."""
     peak = context.l_max / max(context.frame.maximum, 1e-3)
     return peak * float(adapted(0.0, context) / adapted(1.0, context))
 
 
 def map_huo2014(luminance: Float32, context: Context) -> Float32:
-    """Where `adapted` of local luminance lies from black (0) to white (1): float32 (H, W).
+    """The position of `adapted` of local luminance from black (0) to white (1): float32 (H, W).
 
-    Local luminance is smoothed twice bilaterally, by 16 pixels and 0.3, then by 10 and 0.1. The
-    size of picture that these pixels are of is not given: ours are of the analysis picture.
+    Local luminance is smoothed by two bilateral filters, of 16 pixels and 0.3, then 10 and 0.1. The
+    publication does not give the picture size for these; here it is that of the analysis picture.
     """
     local = cross_bilateral(luminance, luminance, 16.0, 0.3)
     local = cross_bilateral(local, local, 10.0, 0.1)
@@ -54,7 +54,7 @@ def map_huo2014(luminance: Float32, context: Context) -> Float32:
 OPERATORS = (
     LuminanceOperator(
         "huo2014",
-        "the retina's response inverted, adapted to the luminance around",
+        "inverse of the retina's response, adapted to the local luminance",
         "Huo, Yang, Dong and Brost, Physiological inverse tone mapping based on retina response, "
         "The Visual Computer 30, 2014",
         gain_huo2014,

@@ -1,4 +1,4 @@
-"""Operators that are a curve of luminance, weighed by a map: all that are published as one."""
+"""Operators that are a luminance curve weighted by a map, which includes all published ones."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from itmo_video.operators.protocol import Sees
 
 @dataclass(frozen=True)
 class LuminanceOperator:
-    """An operator (protocol.py) by its gain of luminance: eq. 3 gives all channels the same.
+    """An operator (protocol.py) defined by its gain for luminance, which all channels get (eq. 3).
 
     `gain(luminance, context)` takes float32 in [0, 1] and returns a new float32 array of the same
-    shape; `curve` is the same as expanded luminance, in whatever float type it is given: the
-    readable form that tests hold the gain against in float64. `make_map(luminance, context)` makes
-    a map, float32 (H, W) in [0, 1], in place of the Expand Map; where the map is 0 the gain is
-    `base` (1). With `channel_maps` it is given R, G and B, linear, one after another in luminance's
-    place, and each channel is weighed by its own map.
+    shape; `curve` is the same as expanded luminance, for any float type: the readable form that
+    tests compare the gain with in float64. `make_map(luminance, context)` computes a map, float32
+    (H, W) in [0, 1], in place of the Expand Map; where the map is 0 the gain is `base` (1). With
+    `channel_maps` it is called with linear R, G and B in turn instead of luminance, and each
+    channel is weighted by its own map.
     """
 
     name: str
@@ -43,12 +43,12 @@ class LuminanceOperator:
 
     @property
     def sees(self) -> Sees:
-        """Luminance, or the channels apart."""
+        """Luminance, or each channel separately."""
         return "channels" if self.channel_maps else "luminance"
 
     @property
     def has_paper_map(self) -> bool:
-        """Whether its map is the density of lights of luminance."""
+        """Whether its map is the density of lights in luminance."""
         return self.make_map is None and not self.channel_maps
 
     def map(self, picture: Float32, context: Context) -> Float32:
@@ -69,15 +69,15 @@ class LuminanceOperator:
         context: Context,
         strength: float,
     ) -> list[Float32]:
-        """One gain of all channels, or one of each where each has its map."""
+        """One gain for all channels, or one per channel if each has its map."""
         gain = self.gain(limited_luminance(rgb, ratio), context)
         return weighed(gain, maps, self.base_gain(context) if maps else 1, strength)
 
 
 def weighed(gain: Float32, maps: Sequence[Float32], base: float, strength: float) -> list[Float32]:
-    """For each map 1 + strength * (base + map * (gain - base) - 1); `gain` is overwritten.
+    """1 + strength * (base + map * (gain - base) - 1) for each map; `gain` is overwritten.
 
-    Without maps as if there were one of 1. What would leave the picture as it is does so exactly.
+    Without maps as for a map of 1. A gain of 1 is exact where nothing is to change.
     """
     if not maps and strength == 1:
         return [gain]

@@ -1,6 +1,6 @@
 """Masia et al. 2017: a power whose exponent follows from the frame's statistics.
 
-The regression (eq. 5) is from memory and agrees with the HDR Toolbox of Banterle et al..
+The regression (eq. 5) is from memory and agrees with the HDR Toolbox by Banterle et al.
 """
 
 from __future__ import annotations
@@ -15,8 +15,8 @@ def exponent(context: Context) -> float:
     """Gamma = 2.4379 + 0.2319 ln L_H - 1.1228 k + 0.0085 p_ov (eq. 5), within bounds.
 
     L_H is the geometric mean, k the key, p_ov the percentage of over-exposed pixels. Whether L_H
-    is of codes or of light is ambiguous: ours is of linear luminance. The regression may fall to 0
-    and below, where the picture would turn over: it is kept from `gamma_min` up.
+    refers to codes or light is ambiguous: here it is of linear luminance. The regression may give 0
+    or less, which would invert the picture, so `gamma_min` is its lower bound.
     """
     frame = context.frame
     gamma = 2.4379 + 0.2319 * math.log(frame.geometric_mean)
@@ -36,7 +36,7 @@ OPERATORS = (
         "Masia, Serrano and Gutierrez, Dynamic range expansion based on image statistics, "
         "Multimedia Tools and Applications 76, 2017",
         gain_of(curve_masia2017),
-        {"gamma_min": Parameter(0.5, 0.1, 2.0, "the exponent is kept from falling below")},
+        {"gamma_min": Parameter(0.5, 0.1, 2.0, "lower bound of the exponent")},
         uses_map=False,
         needs_stats=True,
         curve=curve_masia2017,

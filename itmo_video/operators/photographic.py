@@ -1,6 +1,6 @@
-"""The paper's operator, and the simpler inverse that it improves on (Banterle et al. 2006).
+"""The paper's operator, and the simpler inverse that it improves (Banterle et al. 2006).
 
-The paper itself was available.
+Implemented from the paper itself.
 """
 
 from __future__ import annotations
@@ -18,10 +18,10 @@ _PAPER = "Banterle, Ledda, Debattista and Chalmers, Inverse Tone Mapping, GRAPHI
 
 
 def curve_banterle2006(luminance: Floats, context: Context) -> Floats:
-    """Eq. 11's positive root, with alpha from eq. 13 unless the user gave one (design.md).
+    """Eq. 11's positive root, with alpha from eq. 13 unless the user gave one.
 
     With eq. 13 the geometric mean cancels: L_w(1) = L'max and the slope at 0 is L'max / L_white.
-    A given alpha stands for L'max = L_white * mean / alpha (eq. 12).
+    A given alpha means L'max = L_white * mean / alpha (eq. 12).
     """
     scale = context.scale
     l_max = context.l_max if scale is None else context.l_white * scale
@@ -32,7 +32,7 @@ def curve_banterle2006(luminance: Floats, context: Context) -> Floats:
 def gain_banterle2006(luminance: Float32, context: Context) -> Float32:
     """`curve_banterle2006` over L_d, as 2 L_d / ((1 - L_d) + sqrt(D)).
 
-    Written so, it does not cancel in float32 for dark pixels.
+    This form avoids cancellation in float32 for dark pixels.
     """
     scale = context.scale
     l_max = context.l_max if scale is None else context.l_white * scale
@@ -52,9 +52,9 @@ def _gain_banterle2006(luminance: Float32, slope: float, factor: float) -> Float
 
 
 def curve_reinhard2002(luminance: Floats, context: Context) -> Floats:
-    """Eq. 9 with damping: scale * L_d / (1 - L_d + damping), so that white stays finite.
+    """Eq. 9 with damping: scale * L_d / (1 - L_d + damping), which keeps white finite.
 
-    The paper asks for "a damping factor" without giving one: ours makes L_w(1) = L'max exactly.
+    The paper mentions "a damping factor" but gives none; ours makes L_w(1) = L'max exactly.
     Without alpha the scale L_mean / alpha is 1, so dark tones keep their luminance.
     """
     scale = context.scale if context.scale is not None else 1.0

@@ -1,4 +1,4 @@
-"""What the renderer asks of an operator: a map of a keyframe's picture, and gains by it."""
+"""The interface of an operator: a map from a keyframe's picture, and gains from the map."""
 
 from __future__ import annotations
 
@@ -14,67 +14,67 @@ Sees = Literal["luminance", "channels", "rgb"]
 
 @runtime_checkable
 class Operator(Protocol):
-    """A named operator. It has no state between frames; both its functions are pure.
+    """A named operator, without state between frames; both its functions are pure.
 
-    `uses_alpha` and `uses_l_white` tell which of the context it reads, `needs_stats` that it wants
-    the frame's statistics. `uses_map` tells whether a map weighs the result; `has_paper_map` that
-    it is the Expand Map of sections 2.2 and 2.3 as the settings make it. `guard` is what the noise
-    guard smooths away. An operator that draws edges itself has its maps brought up without them.
+    `uses_alpha`, `uses_l_white` and `needs_stats` state which parts of the context it uses.
+    `uses_map`: a map weights the result; `has_paper_map`: the map is the Expand Map of sections 2.2
+    and 2.3 with the settings. `guard` is the noise guard's smoothing. Maps of an operator that
+    follows edges itself are upsampled without edge guidance.
     """
 
     @property
     def name(self) -> str:
-        """As the settings and the command line have it."""
+        """The name in settings and on the command line."""
 
     @property
     def summary(self) -> str:
-        """What it does, in a line."""
+        """A one-line description."""
 
     @property
     def source(self) -> str:
-        """Where it was published."""
+        """The publication."""
 
     @property
     def parameters(self) -> Mapping[str, Parameter]:
-        """Its own parameters by name."""
+        """Its parameters by name."""
 
     @property
     def uses_map(self) -> bool:
-        """Whether a map weighs the result."""
+        """Whether a map weights the result."""
 
     @property
     def uses_alpha(self) -> bool:
-        """Whether it reads `alpha`."""
+        """Whether it uses `alpha`."""
 
     @property
     def uses_l_white(self) -> bool:
-        """Whether it reads `l_white`."""
+        """Whether it uses `l_white`."""
 
     @property
     def needs_stats(self) -> bool:
-        """Whether it reads the frame's statistics."""
+        """Whether it uses the frame's statistics."""
 
     @property
     def guard(self) -> Guard:
-        """What the noise guard smooths away."""
+        """The noise guard's smoothing."""
 
     @property
     def sees(self) -> Sees:
-        """What `map` is given: luminance, R, G and B one after another, or all three at once."""
+        """The input of `map`: luminance, R, G and B in turn, or all three at once."""
 
     @property
     def draws_edges(self) -> bool:
-        """Whether `gains` follows the picture's edges by itself."""
+        """Whether `gains` follows the picture's edges itself."""
 
     @property
     def has_paper_map(self) -> bool:
-        """Whether `map` is the density of lights and nothing else."""
+        """Whether `map` is just the density of lights."""
 
     def map(self, picture: Float32, context: Context) -> Float32:
-        """The map of a keyframe's picture, float32 (H, W) or (H, W, C), C at most 4, in [0, 1].
+        """Compute the map of a keyframe's picture: float32 (H, W) or (H, W, C), C <= 4, in [0, 1].
 
         `picture` is linear light in [0, 1] at analysis size without black bars: float32 (H, W), or
-        (H, W, 3) where it sees RGB. `context.density` makes the paper's Expand Map of (H, W).
+        (H, W, 3) for RGB. `context.density` computes the paper's Expand Map of (H, W).
         """
 
     def gains(
@@ -85,17 +85,17 @@ class Operator(Protocol):
         context: Context,
         strength: float,
     ) -> list[Float32]:
-        """The gains of R, G and B, or one of all three: new float32 arrays of their shape.
+        """Compute the gains of R, G and B, or one gain for all: new float32 arrays of their shape.
 
-        `rgb` are planes of linear light, more than 1 counting as 1; `ratio` is smoothed over given
-        luminance, 1 if None; `maps` are the planes of `map` at this size, none for maps of 1.
-        `strength` 0 to 1 is how much of the expansion is applied.
+        `rgb` are planes of linear light, clamped to 1; `ratio` is smoothed over given luminance, 1
+        if None; `maps` are the planes of `map` at this size, empty for maps of 1. `strength` (0 to
+        1) is the share of the expansion to apply.
         """
 
 
 @runtime_checkable
 class WritesHalves(Protocol):
-    """An operator that has `gains` times the picture in one pass: what is asked of most frames."""
+    """An operator that can multiply the picture by `gains` in one pass, as most frames need."""
 
     def numbers(self, context: Context) -> GainAuto:
         """What the compiled pass from codes to halves needs to know."""
@@ -109,7 +109,7 @@ class WritesHalves(Protocol):
         strength: float,
         out: Half,
     ) -> None:
-        """R, G and B times `gains` of the same arguments as halves into `out` (3, rows, W).
+        """Write R, G and B times `gains` of the same arguments to `out` (3, rows, W), as halves.
 
-        The products are within a half's range.
+        The products are limited to the range of half floats.
         """

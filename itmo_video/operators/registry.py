@@ -1,9 +1,9 @@
-"""The operators by name: every module beside this one that has OPERATORS, and users' own.
+"""The operators by name: those in OPERATORS of the modules in this folder, and users' own.
 
-A new operator is one file here. A user's own is an entry point of the group
-`itmo_video.operators` whose name is the operator's and which gives an Operator; it is loaded only
-when it is asked for, and does not replace one of ours. Its distribution's version is part of a
-frame's fingerprint, so that a resumed conversion does not mix two versions of it.
+A new operator is one file here. A user's operator is an entry point of the group
+`itmo_video.operators` with the operator's name, which returns an Operator; it is loaded only when
+used, and cannot replace one of ours. Its distribution's version is part of a frame's fingerprint,
+so that a resumed conversion does not mix versions.
 """
 
 from __future__ import annotations
@@ -37,15 +37,15 @@ OPERATORS: dict[str, Operator] = _built_in()
 
 
 def all_operators() -> dict[str, Operator]:
-    """Ours and the users', by name; raises UsageError for an entry point that does not load."""
-    from importlib import metadata  # late: it takes longer than all else here
+    """All operators by name; raises UsageError if a user's entry point cannot be loaded."""
+    from importlib import metadata  # late, because it is slow
 
     users = {point.name for point in metadata.entry_points(group=GROUP)} - set(OPERATORS)
     return OPERATORS | {name: _load(name) for name in sorted(users)}
 
 
 def find_operator(settings: Settings) -> Operator:
-    """The operator that the settings name; raises UsageError for unknown names and parameters."""
+    """The operator named in the settings; raises UsageError for unknown names and parameters."""
     operator = OPERATORS.get(settings.operator)
     if operator is None:
         operator = _load(settings.operator)
@@ -55,7 +55,7 @@ def find_operator(settings: Settings) -> Operator:
 
 
 def version_of(name: str) -> str:
-    """The distribution and version that a user's operator is from; "" for ours or where untold.
+    """The distribution and version of a user's operator; "" for ours or if unknown.
 
     Raises UsageError for unknown names.
     """
@@ -78,7 +78,7 @@ def _load(name: str) -> Operator:
     point = _point(name)
     try:
         operator = point.load()
-    except Exception as error:  # whatever a plug-in does wrong is told as its own
+    except Exception as error:  # any fault of a plug-in is reported as its own
         raise UsageError(
             f"operator {name!r} cannot be loaded: {error}", where=point.value
         ) from error
@@ -88,7 +88,7 @@ def _load(name: str) -> Operator:
 
 
 def resolve_params(operator: Operator, given: Mapping[str, float]) -> dict[str, float]:
-    """All parameters of an operator, defaults filled in; raises UsageError where out of bounds."""
+    """All parameters of an operator with defaults filled in; raises UsageError if out of bounds."""
     params = {name: p.default for name, p in operator.parameters.items()}
     for name, value in given.items():
         spec = operator.parameters.get(name)

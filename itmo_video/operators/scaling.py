@@ -1,4 +1,4 @@
-"""Scaling and exponential expansion: the naive ways that the paper compares itself with."""
+"""Scaling and exponential expansion: the naive operators that the paper compares with."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from itmo_video.operators.luminance_operator import LuminanceOperator
 
 
 def gain_landis2002(luminance: Float32, context: Context) -> Float32:
-    """The naive operator: from a threshold up, exponentially to L'max (Landis 2002).
+    """The naive operator: exponential expansion above a threshold, up to L'max (Landis 2002).
 
-    The course notes give no formula: ours is L_d * L'max^t with t from 0 at the threshold to 1 at
+    The course notes give no formula; ours is L_d * L'max^t with t from 0 at the threshold to 1 at
     white, continuous, and exactly L_d below.
     """
     threshold = context.params["threshold"]
@@ -35,15 +35,15 @@ def gain_linear(luminance: Float32, context: Context) -> Float32:
 OPERATORS = (
     LuminanceOperator(
         "landis2002",
-        "the naive one: exponentially to the maximum above a threshold",
+        "naive: exponential up to the maximum, above a threshold",
         "Landis, Production-ready global illumination, SIGGRAPH 2002 course notes 16",
         gain_landis2002,
-        {"threshold": Parameter(0.5, 0.0, 0.999, "luminance from which it expands")},
+        {"threshold": Parameter(0.5, 0.0, 0.999, "luminance above which it expands")},
         curve=curve_landis2002,
     ),
     LuminanceOperator(
         "linear",
-        "everything multiplied by the maximum, without the map",
+        "everything multiplied by the maximum, without a map",
         "for comparison",
         gain_linear,
         uses_map=False,

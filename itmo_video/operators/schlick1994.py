@@ -12,8 +12,8 @@ from itmo_video.operators.luminance_operator import LuminanceOperator
 def curve_schlick1994(luminance: Floats, context: Context) -> Floats:
     """Inverse of L_d = p L_w / ((p - 1) L_w + L_max): L_w = L_max L_d / (p - (p - 1) L_d).
 
-    p is the slope at black; Schlick estimates it from the display's darkest grey, which an SDR
-    picture does not tell. p = 0 here means p = L'max: dark tones keep their luminance.
+    p is the slope at black; Schlick estimates it from the display's darkest grey, which cannot be
+    derived from an SDR picture. p = 0 here means p = L'max: dark tones keep their luminance.
     """
     p = context.params["p"] or context.l_max
     return context.l_max * luminance / (p - (p - 1) * luminance)

@@ -1,6 +1,6 @@
 """Ward 1994, inverted: a contrast-based scale factor.
 
-The formula is from memory and agrees with published implementations of it.
+The formula is from memory and agrees with published implementations.
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ def scale_factor(adaptation_nits: float, display_nits: float) -> float:
 def curve_ward1994(luminance: Floats, context: Context) -> Floats:
     """L_d / m in units of the display's white, at most L'max at white.
 
-    The scene's adaptation L_wa cannot be known from the picture, so it is a parameter. The inverse
-    is linear: it has no L'max of its own.
+    The scene's adaptation L_wa cannot be derived from the picture, so it is a parameter. The
+    inverse is linear and has no L'max of its own.
     """
     display = context.params["display_nits"]
     gain = 1 / (scale_factor(context.params["adaptation_nits"], display) * display)
@@ -36,8 +36,10 @@ OPERATORS = (
         "Ward, A contrast-based scalefactor for luminance display, Graphics Gems IV 1994",
         gain_of(curve_ward1994),
         {
-            "adaptation_nits": Parameter(1000.0, 0.01, 1e5, "luminance the scene's viewer is at"),
-            "display_nits": Parameter(100.0, 10.0, 1e4, "white of the display it was made for"),
+            "adaptation_nits": Parameter(
+                1000.0, 0.01, 1e5, "luminance the scene's viewer is adapted to"
+            ),
+            "display_nits": Parameter(100.0, 10.0, 1e4, "white of the display the picture is for"),
         },
         curve=curve_ward1994,
     ),
