@@ -60,3 +60,8 @@ def whole(value: object) -> int:
     if isinstance(value, int) and not isinstance(value, bool):
         return value
     raise UsageError(f"{value!r} is not a whole number")
+
+
+def place(shot: object) -> int | None:
+    """The place of a shot, or None for the whole clip."""
+    return None if shot is None else whole(shot)

@@ -97,14 +97,15 @@ class Desk:
         return document.source_key(index, self.info) if part == "sdr" else str(version), shown
 
     def attempt(
-        self, index: int, preset: object, values: Mapping[str, Any], scale: int, page: str = ""
-    ) -> Future[Shown]:
+        self, index: int, preset: object, values: Mapping[str, Any], scale: int,
+        shot: int | None = None, page: str = "",
+    ) -> Future[Shown]:  # fmt: skip
         """A frame rendered with another preset, or with `values` on top of the settings."""
         with self._lock:
             document = self.history.now
         if preset is not None:
-            document = documents.with_preset(document, preset, self.opened)
-        document = documents.set_values(document, values, None)
+            document = documents.with_preset(document, preset, self.opened, shot)
+        document = documents.set_values(document, values, shot)
         _ = document.look
         return self._shown(index, document, "hdr", scale, "try", page)
 

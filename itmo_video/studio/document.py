@@ -83,11 +83,19 @@ class Document:
         return replace(self, analysis=replace(self.analysis, shots=tuple(shots)))
 
 
-def with_preset(document: Document, name: object, opened: Document) -> Document:
-    """A copy with another preset in place of the clip's settings: a known one, or that of `opened`.
+def with_preset(
+    document: Document, name: object, opened: Document, shot: int | None = None
+) -> Document:
+    """A copy with a preset in place of the settings of the clip or of one shot.
 
-    Any other path is refused: the page may not name one.
+    It must be a known one, or for the clip that of `opened`: the page may not name another path.
     """
+    if shot is not None:
+        _check_preset(name)
+        shots = list(document.shots)
+        _known(shots, shot)
+        shots[shot] = replace(shots[shot], own={"preset": name})
+        return document.with_shots(shots)
     _check_preset(name, opened)
     assert isinstance(name, str)
     base = opened.base if name == opened.preset else load_preset(name)

@@ -113,6 +113,7 @@ class _Api:
             asked.get("preset"),
             asking.values(asked),
             asking.whole(asked.get("scale", 4)),
+            asking.place(asked.get("shot")),
             asking.page(asked.get("page", "")),
         )
         return _halfs(await _of(shown), "tried")
@@ -154,15 +155,13 @@ class _Api:
         return _json(state.state(self._desk))
 
     def _change(self, do: str, asked: dict[str, Any]) -> Callable[[Document], Document]:
-        shot = asked.get("shot")
+        shot, opened = asked.get("shot"), self._desk.opened
         if do == "set":
-            values = asking.values(asked)
-            place = None if shot is None else asking.whole(shot)
+            values, place = asking.values(asked), asking.place(shot)
             return lambda document: documents.set_values(document, values, place)
         if do == "preset":
-            return partial(
-                documents.with_preset, name=asked.get("preset"), opened=self._desk.opened
-            )
+            name, place = asked.get("preset"), asking.place(shot)
+            return partial(documents.with_preset, name=name, opened=opened, shot=place)
         if do == "split":
             return partial(documents.split, at=asking.whole(asked.get("at")))
         if do == "merge":

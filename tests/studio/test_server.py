@@ -109,6 +109,29 @@ def test_variants_do_not_change_the_document(client: TestClient) -> None:
     assert client.get("api/state").json()["version"] == state["version"]
 
 
+def test_a_shot_has_a_preset_and_variants_of_its_own(client: TestClient) -> None:
+    analysed(client)
+
+    def tried(**more: Any) -> np.ndarray[Any, Any]:
+        answer = client.post("api/try", json={"index": 3, "scale": 1, **more})
+        assert answer.status_code == 200, answer.text
+        return np.frombuffer(answer.content, np.float16)
+
+    edit(client, "set", values={"peak_nits": 400}, shot=0)
+    other = picture(client, index=10)
+    clip, own = (tried(values={"peak_nits": 3000}, shot=shot) for shot in (None, 0))
+    assert np.array_equal(clip, picture(client, index=3).ravel()), "the shot's own peak holds"
+    assert own.max() > clip.max()
+    paper = tried(preset="paper", shot=0)
+    state = edit(client, "preset", preset="paper", shot=0)
+    assert [s["own"] for s in state["document"]["shots"]] == [{"preset": "paper"}, {}]
+    assert np.array_equal(picture(client, index=3).ravel(), paper)
+    assert np.array_equal(picture(client, index=10), other)
+    for preset in ("x.toml", "nonsense", 3):
+        asked = {"do": "preset", "preset": preset, "shot": 0}
+        assert client.post("api/edit", json=asked).status_code == 422
+
+
 def test_errors_are_told(client: TestClient) -> None:
     for path, asked in (
         ("api/edit", {"do": "set", "values": {"radius": -3}}),
@@ -153,7 +176,7 @@ def test_nothing_that_is_asked_is_an_error_of_ours(client: TestClient, shot: int
         *({"do": "set", "values": {name: odd}, "shot": shot} for name in names for odd in ODD),
         *({"do": "set", "values": {"strength": 0.5}, "shot": odd} for odd in ODD),
         *({"do": "set", "values": odd} for odd in ODD),
-        *({"do": "preset", "preset": odd} for odd in ODD),
+        *({"do": "preset", "preset": odd, "shot": shot} for odd in ODD),
         *({"do": do, "shot": odd, "at": odd, "on": odd} for do in TOLD for odd in ODD),
     ]
     for body in asked:

@@ -18,7 +18,9 @@ async function open() {
   document.getElementById("clip-name").textContent = name;
   document.getElementById("clip-facts").textContent =
     `${size.join("×")} · ${rate.toFixed(3).replace(/\.?0+$/, "")} fps · ${frames} frames · ${facts.transfer.value}`;
-  document.getElementById("clip-facts").title = notices.join("\n");
+  document.getElementById("notices").hidden = !notices.length;
+  document.querySelector("#notices ul").replaceChildren(...notices.map((text) =>
+    Object.assign(document.createElement("li"), { textContent: text })));
   for (const part of [openStage, openTimeline, openTransport, openViews, openSettings, openVariants,
     openFiles, openKeys]) part();
   on("state", () => {

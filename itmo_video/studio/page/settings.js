@@ -67,8 +67,9 @@ function update() {
     one.update({ value, derived: derived[spec.name], changed: spec.name in mine, disabled: isOff,
       operator: S.about.operators.find((o) => o.name === settings.operator) });
   }
-  byId("preset").value = preset;
-  const about = S.about.presets.find((p) => p.name === preset);
+  const named = mine.preset ?? preset;
+  byId("preset").value = named;
+  const about = S.about.presets.find((p) => p.name === named);
   byId("preset-says").textContent = about ? about.description : `from ${preset}`;
   const place = shotAt(S.index);
   byId("of-shot").disabled = place < 0;
@@ -81,6 +82,8 @@ function update() {
   byId("redo").disabled = !S.state.can_redo;
 }
 
+export const setPreset = (preset) => edit({ do: "preset", preset, shot: target() });
+
 export function resetAll() {
   const names = Object.keys(own()).filter((name) => made.has(name) || name === "preset");
   const values = Object.fromEntries(names.map((name) => [name, null]));
@@ -91,7 +94,7 @@ export function openSettings() {
   const names = S.about.presets.map(({ name }) => name);
   if (!names.includes(S.state.document.preset)) names.push(S.state.document.preset);
   byId("preset").replaceChildren(...names.map((name) => new Option(name, name)));
-  byId("preset").addEventListener("change", (e) => edit({ do: "preset", preset: e.target.value }));
+  byId("preset").addEventListener("change", (e) => setPreset(e.target.value));
   byId("of-clip").addEventListener("click", () => change({ scope_of: "clip" }, "state"));
   byId("of-shot").addEventListener("click", () => change({ scope_of: "shot" }, "state"));
   byId("reset-all").addEventListener("click", resetAll);

@@ -2,6 +2,7 @@
 
 import { draw } from "viewer/draw.js";
 import { attempt, get, Stale } from "./api.js";
+import { setPreset, target } from "./settings.js";
 import { edit, failed, peak, S } from "./store.js";
 
 const byId = (id) => document.getElementById(id);
@@ -10,6 +11,9 @@ let turn = 0;
 async function fill() {
   const mine = ++turn, sheet = byId("sheet");
   const [width] = S.about.size, scale = width > 1000 ? 4 : width > 480 ? 2 : 1;
+  const shot = target();
+  byId("variants-title").textContent = shot === null ? "Variants of this frame"
+    : `Variants of this frame, for shot ${shot + 1}`;
   sheet.replaceChildren();
   const list = await get(`api/variants?by=${byId("vary").value}`);
   if (mine !== turn) return;
@@ -22,12 +26,12 @@ async function fill() {
     button.append(canvas, name, text);
     button.addEventListener("click", async () => {
       byId("variants").close();
-      if (preset) await edit({ do: "preset", preset });
-      else await edit({ do: "set", values: asked });
+      if (preset) await setPreset(preset);
+      else await edit({ do: "set", values: asked, shot });
     });
     sheet.append(button);
     try {
-      const picture = await attempt({ index: S.index, preset, values: asked, scale }, S.about.primaries);
+      const picture = await attempt({ index: S.index, preset, values: asked, scale, shot }, S.about.primaries);
       if (mine !== turn) return;
       draw(canvas, [{ picture, view: "picture", from: 0, to: 1, gain: 2 ** S.exposure.hdr,
         toneMap: S.toneMap }], { white: S.state.document.settings.white_nits, peak: peak() });
