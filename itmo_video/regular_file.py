@@ -48,6 +48,15 @@ def read_regular(path: StrPath, most_bytes: int) -> bytes:
     return data
 
 
+def read_head(path: StrPath, count: int) -> bytes:
+    """The first bytes of `path`; raises InputError as open_regular, and where reading fails."""
+    with open_regular(path) as file:
+        try:
+            return file.read(count)
+        except OSError as error:
+            raise _unreadable(path, error) from error
+
+
 _BINARY: int = getattr(os, "O_BINARY", 0)
 
 

@@ -28,6 +28,7 @@ from itmo_video.presets import as_settings
 from itmo_video.settings import Settings
 from itmo_video.source.clip import first_number
 from itmo_video.source.opening import Clip, input_options, open_clip
+from itmo_video.source.read_faults import FailingDiskError
 
 _BINS = 1024  # of luminance to the power 1/2.4, so that they are about equally visible
 _GAMMA = 2.4
@@ -239,7 +240,7 @@ def _looked_at(
             edges.add(frame)
             before = analysed
             yield analysed
-    except ReplacedInputError:
+    except (ReplacedInputError, FailingDiskError):
         raise  # nothing that is said of it would be true of what is there now
     except DamagedInputError as error:
         on_event(Warned(str(error)))

@@ -158,7 +158,7 @@ def open_source(source: Path, sequence: ExrSequence | None) -> Clip:
     values = {**settings.as_dict(), "force_sdr": True, "raw": None}
     clip = open_clip(source, input_options(settings_from(values)))
     if sequence is not None and sequence.made is not None:
-        sequence.made.check_source(clip.info)
+        sequence.made.check_source(clip)
     return clip
 
 

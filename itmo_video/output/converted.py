@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from itmo_video.errors import InputError, OutputError, UsageError
-from itmo_video.model import ClipInfo, Half
+from itmo_video.model import Half
 from itmo_video.output.exr import ExrImage, read_exr
 from itmo_video.output.fingerprint import fingerprints_told
 from itmo_video.output.folder import OutputFolder
@@ -184,20 +184,24 @@ class Converted:
         options = replace(input_options(self.settings, max_pixels), raw=None)  # this is a file
         opened = open_clip(clip, options)
         try:
-            self.check_source(opened.info)
+            self.check_source(opened)
         except InputError:
             opened.close()
             raise
         return opened
 
-    def check_source(self, info: ClipInfo) -> None:
+    def check_source(self, clip: Clip) -> None:
         """Raise InputError unless this is the clip that the folder was made of, by its content."""
-        if info.digest != self.manifest.source_digest:
-            raise InputError(
-                f"not the clip that the folder was made of ({self.manifest.source_name!r})",
-                where=info.path,
-                remedy=f"Give that one, or convert this one: itmo-video convert {info.path} FOLDER",
-            )
+        if clip.info.digest == self.manifest.source_digest:
+            return
+        where = clip.info.path
+        if clip.disk_fault is not None:
+            raise InputError(clip.disk_fault, where=where, remedy="Copy it to another disk.")
+        raise InputError(
+            f"not the clip that the folder was made of ({self.manifest.source_name!r})",
+            where=where,
+            remedy=f"Give that one, or convert this one: itmo-video convert {where} FOLDER",
+        )
 
 
 def peak_nits_of(settings: Settings) -> float:

@@ -27,6 +27,7 @@ class Clip:
 
     info: ClipInfo
     faults: Mapping[int, str] = MappingProxyType({})  # by index: why a frame cannot be decoded
+    disk_fault: str | None = None  # where the disk failed, of a clip that ends there
     reads_once = False  # a pipe: `frames` works once, from 0 on
 
     def __repr__(self) -> str:

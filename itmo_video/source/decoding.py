@@ -13,8 +13,11 @@ import av
 from itmo_video.errors import InputError
 from itmo_video.source.ffv1_slices import packet_check
 from itmo_video.source.packets import Packets, decoder_limit, open_video, read_packets
+from itmo_video.source.read_faults import PROBED_BYTES, check_readable
 
 _INDEXED = ("mov", "matroska", "avi", "mxf")  # containers that are read in whole packets
+
+_PARTS_BYTES = 1 << 20  # of other streams, between the parts of a packet
 
 Way = Literal["lenient", "strict"]
 Numbered = tuple[int, Any, bool]  # index, decoded frame, whether it is damaged
@@ -52,11 +55,29 @@ class Decoder:
                 if entry is not None and stamp is not None:
                     packets = self._after_seek(container, stream, entry[0], stamp)
                 if packets is not None:
+                    packets = self._as_scanned(packets)
                     context = decoder_of(stream, self.max_pixels, way)
                     if way == "strict" and self.codec == "ffv1":
                         packets = _with_true_sums(packets, on_error)
                     yield from decode_all(context, packets, on_error)
                     return
+
+    def _as_scanned(self, packets: Iterator[Any]) -> Iterator[Any]:
+        """The packets as they are; raises ReplacedInputError where a disk fails only now.
+
+        Demuxers may take that for the file's end, and give out what they have of a packet.
+        """
+        at, end = 0, 0
+        for packet in packets:
+            if packet.size:
+                at = packet.pos or at
+                end = max(end, at + packet.size)
+                _, size = self.packets.order.get(packet.pts, (0, packet.size))
+                if size > packet.size:
+                    check_readable(self.path, at, 2 * size + _PARTS_BYTES)
+            yield packet
+        if end < self.packets.end_byte:
+            check_readable(self.path, at, min(self.packets.end_byte - at, PROBED_BYTES))
 
     def _after_seek(
         self, container: Any, stream: Any, place: int, stamp: int

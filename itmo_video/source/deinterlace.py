@@ -33,14 +33,21 @@ def deinterlaced(
 ) -> Iterator[Picture]:
     """Yield each frame, deinterlaced from itself and its two neighbours, with its index.
 
-    Progressive frames pass unchanged unless `is_forced`. The first frame for which `is_same` is
-    false is yielded unchanged, as the last one.
+    Progressive frames pass unchanged unless `is_forced`. A frame beyond a gap is no neighbour: it
+    would depend on where reading begins. The first frame for which `is_same` is false is yielded
+    unchanged, as the last one.
     """
     graph, waiting = None, deque[tuple[int, bool]]()
+    last: int | None = None
     for index, decoded, is_damaged in pictures:
         if not is_same(decoded):
             yield index, decoded, is_damaged
             return
+        if graph is not None and last is not None and index != last + 1:
+            graph.vpush(None)
+            yield from _pull(graph, waiting)
+            graph = None
+        last = index
         graph = graph or _graph(decoded, is_forced, time_base)
         waiting.append((index, is_damaged))
         decoded.pts, decoded.time_base = index, time_base

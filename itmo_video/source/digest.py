@@ -19,6 +19,7 @@ import xxhash
 from itmo_video.errors import InputError, ReplacedInputError
 from itmo_video.regular_file import open_regular
 from itmo_video.source import remembered
+from itmo_video.source.read_faults import PROBED_BYTES, ReadFault, find_fault
 
 _BLOCK = 4 << 20
 _WORTH_REMEMBERING = 64 << 20  # bytes; smaller files are hashed faster than looked up
@@ -38,28 +39,31 @@ class Stamp(NamedTuple):
 class SourceFiles:
     """The files of a clip, in their state when it was opened.
 
-    Some of a sequence may be missing or not be regular files; they are gaps.
+    Some of a sequence may be missing or not be regular files; they are gaps. `faults` states by
+    file where the disk failed during hashing; the content is then what came before.
     """
 
     def __init__(self, paths: Iterable[Path], most_bytes: int = _MOST_BYTES) -> None:
         """Files larger than `most_bytes` are gaps, too."""
         self._most_bytes = most_bytes
         self._stamps = {path: _stamp(path) for path in paths}
+        self.faults: dict[Path, ReadFault] = {}
 
-    def digest(self) -> str:
+    def digest(self, scanned_bytes: int | None = None) -> str:
         """The hash (32 hex digits) of the content of all files, not of their names.
 
-        Raises DamagedInputError if a file changes meanwhile.
+        A cached one counts only if what follows `scanned_bytes`, the end that a scan found, can be
+        read. Raises DamagedInputError if a file changes meanwhile.
         """
         if len(self._stamps) == 1:
             (path,) = self._stamps
-            found = file_digest(path)
+            found = file_digest(path, self.faults, scanned_bytes)
             self.check(path)
             return found
         together = xxhash.xxh3_128()
         for path, stamp in self._stamps.items():
             is_there = stamp is not None and stamp.size <= self._most_bytes
-            together.update((file_digest(path) if is_there else "missing").encode())
+            together.update((file_digest(path, self.faults) if is_there else "missing").encode())
             self.check(path)
         return together.hexdigest()
 
@@ -82,27 +86,41 @@ def content_digest(paths: Sequence[Path]) -> str:
     return SourceFiles(paths).digest()
 
 
-def file_digest(path: Path) -> str:
-    """The hash (32 hex digits) of a file's content; raises InputError if it cannot be read.
+def file_digest(
+    path: Path, faults: dict[Path, ReadFault] | None = None, scanned_bytes: int | None = None
+) -> str:
+    """The hash (32 hex digits) of a file's content; raises InputError if it cannot be opened.
 
-    Cached for large files, and recomputed when their size, times or inode change.
+    Where the disk fails it is of what came before, and of the failure, which is added to `faults`.
+    Cached for large files, and recomputed when their size, times or inode change, or if what
+    follows `scanned_bytes` cannot be read.
     """
     found = os.stat(path)
     is_settled = time.time() - max(found.st_mtime, found.st_ctime) > _SETTLED_S
     is_worth_it = found.st_size >= _WORTH_REMEMBERING and is_settled
-    if is_worth_it and (known := remembered.digest(path, found)) is not None:
+    known = remembered.digest(path, found) if is_worth_it else None
+    if known is not None and not (
+        scanned_bytes is not None and find_fault(path, scanned_bytes, PROBED_BYTES)
+    ):
         return known
     if found.st_size > _MOST_BYTES:
         raise InputError(f"has {found.st_size} bytes: too large for a film", where=os.fspath(path))
     content = xxhash.xxh3_128()
     block = bytearray(_BLOCK)
     view = memoryview(block)
+    at = 0
     with open_regular(path) as file:
         try:
-            while count := file.readinto(block):  # type: ignore[attr-defined]
+            # Unbuffered: what was read before a fault is not lost with it.
+            while count := file.raw.readinto(block):  # type: ignore[attr-defined]
                 content.update(view[:count])
+                at += count
         except OSError as error:
-            raise InputError(f"cannot be read: {error.strerror}", where=os.fspath(path)) from error
+            fault = ReadFault(at, error.strerror or str(error))
+            content.update(f"{fault}".encode())
+            if faults is not None:
+                faults[path] = fault
+            return content.hexdigest()
     if is_worth_it:
         remembered.remember(path, found, content.hexdigest())
     return content.hexdigest()

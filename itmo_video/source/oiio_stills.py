@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from itmo_video.errors import AlreadyHdrError, DamagedInputError, InputError
-from itmo_video.regular_file import open_regular
+from itmo_video.regular_file import read_head
 from itmo_video.source.files import check_pixels
 from itmo_video.source.still_formats import StillFormat, cinema_profile
 from itmo_video.source.still_picture import (
@@ -151,8 +151,7 @@ def _tags(path: Path, kind: StillFormat) -> tuple[int, int, int, int] | None:
     """A header's colour information other than a profile, by H.273's numbers."""
     if kind not in ("dpx", "jpeg2000"):
         return None
-    with open_regular(path) as file:
-        head = file.read(_HEAD_BYTES)
+    head = read_head(path, _HEAD_BYTES)
     if kind == "jpeg2000":
         return DIGITAL_CINEMA if cinema_profile(head) else None
     # The transfer of a DPX's first element (SMPTE 268M, byte 801)

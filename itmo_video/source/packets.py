@@ -15,7 +15,9 @@ import av
 import numpy as np
 
 from itmo_video.errors import InputError
+from itmo_video.regular_file import read_head
 from itmo_video.source.files import check_file, check_pixels
+from itmo_video.source.read_faults import PROBED_BYTES, fault_at_ends, find_fault
 from itmo_video.source.streams import choose_video
 from itmo_video.untrusted import parse_rational
 
@@ -49,7 +51,7 @@ class Packets:
     `repeats` are stamps of frames without a packet, which repeat the previous frame. `last_length`
     is the duration of the last frame in ticks, 0 if unknown. `left_out` is the number of frames
     before the first key packet, which are not part of the clip. `has_jumps`: stamps jump, as in
-    joined captures, so they are not times.
+    joined captures, so they are not times. `end_byte` is the file's byte behind all packets.
     """
 
     pts: tuple[int, ...]
@@ -61,6 +63,7 @@ class Packets:
     last_length: int = 0
     left_out: int = 0
     has_jumps: bool = False
+    end_byte: int = 0
 
     def index_of(self, pts: int | None) -> int | None:
         """The frame's number by its pts, None for a stamp that no packet has."""
@@ -83,7 +86,9 @@ def open_container(path: Path, max_pixels: int) -> Any:
         return av.open(os.path.abspath(path), options=options, **TAG_ERRORS)
     except (av.FFmpegError, OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or str(error)
-        raise InputError(f"is not a readable video ({reason})", where=str(path)) from error
+        fault = fault_at_ends(path)
+        what = f"is not a readable video ({reason})" if fault is None else str(fault)
+        raise InputError(what, where=str(path)) from error
 
 
 @contextmanager
@@ -131,7 +136,7 @@ def scan_packets(container: Any, stream: Any) -> Packets:
     order: dict[int, tuple[int, int]] = {}
     keys: list[tuple[int, int, int]] = []
     is_unique, discarded, jumps = True, 0, Jumps(stream)
-    last, tail = (0, 0), (0, 0)
+    last, tail, end_byte = (0, 0), (0, 0), 0
     codec = str(stream.codec_context.name)
     for packet in read_packets(container, stream):
         if packet.size == 0:
@@ -141,6 +146,7 @@ def scan_packets(container: Any, stream: Any) -> Packets:
             continue
         stamps.append(pts)
         tail = packet.size, (packet.pos or 0) + packet.size
+        end_byte = max(end_byte, tail[1])
         jumps.see(packet.dts if packet.dts is not None else pts)
         is_unique = is_unique and pts is not None and pts not in order
         if pts is not None:
@@ -154,12 +160,15 @@ def scan_packets(container: Any, stream: Any) -> Packets:
     declared = _declared_frames(container, stream, len(stamps), shown, tail)
     if declared is not None:
         declared -= discarded
-    repeats = _empty_chunks(container, stream, shown, declared) if is_unique else frozenset()
+    repeats = frozenset[int]()
+    if is_unique:
+        repeats = _empty_chunks(container, stream, shown, declared, end_byte)
     pts_shown = tuple(sorted((*shown, *repeats)))
     is_exact = is_unique and not jumps.found
     return Packets(
-        pts_shown, order, tuple(keys), is_exact, declared, repeats, last[1], has_jumps=jumps.found
-    )
+        pts_shown, order, tuple(keys), is_exact, declared, repeats, last[1],
+        has_jumps=jumps.found, end_byte=end_byte,
+    )  # fmt: skip
 
 
 class Jumps:
@@ -182,13 +191,15 @@ class Jumps:
 
 
 def _empty_chunks(
-    container: Any, stream: Any, shown: list[int], declared: int | None
+    container: Any, stream: Any, shown: list[int], declared: int | None, end_byte: int
 ) -> frozenset[int]:
     """Stamps of an AVI's empty chunks, which repeat a frame; AVI derives stamps from chunks."""
     if str(container.format.name) != "avi" or not shown or (declared or 0) <= len(shown):
         return frozenset()
     last = max(shown)
-    if int(stream.start_time or 0) + int(stream.frames) - 1 > last and _is_whole_riff(container):
+    if int(stream.start_time or 0) + int(stream.frames) - 1 > last and _is_whole_riff(
+        container, end_byte
+    ):
         last = int(stream.start_time or 0) + int(stream.frames) - 1
     if last - min(shown) >= 2 * int(stream.frames):
         return frozenset()  # its stamps do not count chunks
@@ -197,10 +208,10 @@ def _empty_chunks(
     return frozenset(range(min(shown), last + 1)) - set(shown)
 
 
-def _is_whole_riff(container: Any) -> bool:
-    with open(container.name, "rb") as file:
-        head = file.read(8)
-        return file.seek(0, os.SEEK_END) >= 8 + int.from_bytes(head[4:8], "little")
+def _is_whole_riff(container: Any, end_byte: int) -> bool:
+    path = Path(container.name)
+    whole = 8 + int.from_bytes(read_head(path, 8)[4:8], "little")
+    return os.stat(path).st_size >= whole and find_fault(path, end_byte, PROBED_BYTES) is None
 
 
 def prepare_decoder(stream: Any, max_pixels: int, where: str) -> None:

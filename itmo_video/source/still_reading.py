@@ -6,7 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from itmo_video.errors import AlreadyHdrError, DamagedInputError, InputError
-from itmo_video.regular_file import open_regular, read_regular
+from itmo_video.regular_file import read_head, read_regular
 from itmo_video.source import avif, lut_profile, oiio_stills, pillow_stills, png_chunks, raw_photos
 from itmo_video.source.damage import DamageError, check_boxes, check_jpeg
 from itmo_video.source.files import PICTURE_BYTES, check_pixels
@@ -32,8 +32,7 @@ def kind_of(path: Path) -> StillFormat | None:
 
     Raises AlreadyHdrError for floating-point images, InputError for unsupported formats.
     """
-    with open_regular(path) as file:
-        head = file.read(HEAD_BYTES)
+    head = read_head(path, HEAD_BYTES)
     if is_float_image(head):
         raise AlreadyHdrError("floating-point image: it is already HDR", where=str(path))
     kind = still_format(head, path.suffix)

@@ -73,7 +73,7 @@ def find_facts(
             decoder = _as_countable(decoder)
         decoder, first, begun = _first_frame(decoder, container_name in CAPTURES)
         track = track_of(path, container, stream)
-        digest = source.digest()
+        digest = source.digest(packets.end_byte)
         return facts_at(container, stream, decoder, first, options, digest, track), begun
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
@@ -16,9 +17,12 @@ from itmo_video.source.clip import Clip
 from itmo_video.source.deinterlace import LEAD_IN, deinterlaced
 from itmo_video.source.digest import SourceFiles
 from itmo_video.source.planes import pixel_form, read_picture
+from itmo_video.source.read_faults import check_readable, ends_at
 from itmo_video.source.stream_facts import find_facts, shown_planes
 from itmo_video.source.stretches import numbered
 from itmo_video.source.tags import InputOptions
+
+_HEAD_BYTES = 1 << 20  # of a file, in which a container's header lies
 
 
 class VideoClip(Clip):
@@ -30,6 +34,10 @@ class VideoClip(Clip):
             self._facts, begun = find_facts(path, options, self._source)
         except av.FFmpegError as error:
             raise InputError(f"cannot be read ({error.strerror})", where=str(path)) from error
+        if (fault := self._source.faults.get(path)) is not None:
+            self.disk_fault = str(fault)
+            told = replace(self._facts.info, notices=(*self._facts.info.notices, str(fault)))
+            self._facts = replace(self._facts, info=told)
         self.info = self._facts.info
         # A decoder at the first frame, which is the slowest to get: readers from there use it.
         self._begun = [] if begun is None else [begun]
@@ -53,8 +61,11 @@ class VideoClip(Clip):
                     yield self._frame(index, decoded, is_damaged)
         except (InputError, av.FFmpegError, OSError):
             self._check_source()  # a file being rewritten is empty first, which is then the reason
+            check_readable(self._path, 0, _HEAD_BYTES)
             raise
         self._check_source()
+        if (fault := self._source.faults.get(self._path)) is not None:
+            raise ends_at(self._path, fault)
 
     def time_s(self, index: int) -> Fraction:
         """The presentation time as stamped, or by the frame rate if stamps are unusable."""

@@ -84,7 +84,7 @@ def make_clip(
 ) -> Path:
     """A clip of a codec by its name in CODECS, of moving things with two cuts."""
     encoder, extension, pixel_format, options = CODECS[name]
-    width, height = (256, 120) if encoder == "dnxhd" else size
+    width, height = {"dnxhd": (256, 120), "h263": (176, 144)}.get(encoder, size)
     path = folder / f"{name}.{extension}"
     scene: Sequence[np.ndarray] = list(
         moving_scene(frames, width=width, height=height, cuts=(20, 45))

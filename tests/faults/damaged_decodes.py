@@ -1,6 +1,6 @@
 """Damaged clips decoded whole, on one core and on two, and from places within: the same frames?
 
-    python tests/faults/damaged_decodes.py [--trials 20] [--seed 0] [CODEC...]
+    python tests/faults/damaged_decodes.py [--trials 20] [--seed 0] [--size 96x64] [CODEC...]
 
 Each trial is a clip with one to three places overwritten, decoded four times: whole with all cores,
 whole with one, and from two frames on. A process of its own for each codec, with 60 s for a trial.
@@ -83,12 +83,12 @@ def trial(path: Path, rng: random.Random) -> list[str]:
     return wrong
 
 
-def of_codec(name: str, trials: int, seed: int) -> Counter[str]:
+def of_codec(name: str, trials: int, seed: int, size: tuple[int, int] = (176, 144)) -> Counter[str]:
     """Trials of one codec; prints each failure with the seed that makes it again."""
     av.logging.set_level(av.logging.PANIC)
     told: Counter[str] = Counter()
     with tempfile.TemporaryDirectory() as folder:
-        sound = make_clip(name, Path(folder))
+        sound = make_clip(name, Path(folder), size=size)
         data = sound.read_bytes()
         for number in range(seed, seed + trials):
             rng = random.Random(f"{name}-{number}")
@@ -109,11 +109,13 @@ def main() -> int:
     parser.add_argument("codecs", nargs="*", default=list(CODECS))
     parser.add_argument("--trials", type=int, default=20)
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--size", default="176x144")
     args = parser.parse_args()
+    width, height = map(int, args.size.split("x"))
     total: Counter[str] = Counter()
     for name in args.codecs or CODECS:
         with multiprocessing.get_context("spawn").Pool(1) as pool:
-            job = pool.apply_async(of_codec, (name, args.trials, args.seed))
+            job = pool.apply_async(of_codec, (name, args.trials, args.seed, (width, height)))
             try:
                 found = job.get(timeout=SECONDS + 10 * args.trials)
             except multiprocessing.TimeoutError:

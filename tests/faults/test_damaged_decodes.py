@@ -16,6 +16,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 from codec_clips import make_clip
 from damaged_decodes import frames, of_codec, trial
 
+from itmo_video.source.deinterlace import deinterlaced
 from itmo_video.source.ffv1_slices import slices_of
 from itmo_video.source.opening import open_clip
 
@@ -33,6 +34,25 @@ def test_damaged_clips_decode_alike(codec: str) -> None:
 @pytest.mark.parametrize("path", [*ONCE, SOUND], ids=lambda path: path.name)
 def test_files_that_once_differed(path: Path) -> None:
     assert trial(path, random.Random(77)) == []
+
+
+def test_what_is_beyond_a_gap_is_no_neighbour_of_a_deinterlaced_frame() -> None:
+    """Found by damaged_decodes.py (h264fields, seed 2200, 64x48): it depended on the start."""
+
+    def pictures(*indices: int) -> dict[int, bytes]:
+        codes = dict(enumerate(moving_scene(12, width=64, height=48)))
+        given = (
+            (n, av.VideoFrame.from_ndarray(codes[n], "rgb24").reformat(format="yuv420p"), False)
+            for n in indices
+        )
+        found = deinterlaced(given, True, Fraction(1, 24), lambda frame: True)
+        return {n: frame.to_ndarray().tobytes() for n, frame, _ in found}
+
+    whole = pictures(0, 1, 2, 8, 9, 10)
+    assert list(whole) == [0, 1, 2, 8, 9, 10]
+    assert pictures(8, 9, 10) == {n: whole[n] for n in (8, 9, 10)}
+    assert pictures(0, 1, 2) == {n: whole[n] for n in (0, 1, 2)}
+    assert pictures(0, 1, 2, 3)[2] != whole[2], "the frame behind it is a neighbour"
 
 
 @pytest.mark.parametrize("codec", ["h264", "h264mkv", "h264refresh", "hevcopen", "mpeg2ts", "av1"])

@@ -11,9 +11,6 @@ import pytest
 from clips import moving_scene, write_ffv1
 from command import run, start, temp_files
 
-from itmo_video.errors import InputError
-from itmo_video.source import digest
-
 ROUNDS = int(os.environ.get("ITMO_VIDEO_KILL_ROUNDS", "3"))
 LINES = {
     "preview": ("preview", "c.mkv", "film.mkv", "--speed", "13", "--quiet"),
@@ -50,22 +47,3 @@ def test_killed_and_run_again(command: str, tmp_path: Path) -> None:
         assert run(*line).returncode == 0
         assert output.read_bytes() == whole
         assert temp_files(tmp_path) == temp_files(tmp_path / "o") == []
-
-
-def test_a_disk_that_fails_while_reading_is_told(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    class Failing:
-        def __enter__(self) -> Failing:
-            return self
-
-        def __exit__(self, *exc: object) -> None:
-            pass
-
-        def readinto(self, block: bytearray) -> int:
-            raise OSError(5, "Input/output error")
-
-    (tmp_path / "film").write_bytes(b"a")
-    monkeypatch.setattr(digest, "open_regular", lambda path: Failing())
-    with pytest.raises(InputError, match="Input/output error"):
-        digest.file_digest(tmp_path / "film")
