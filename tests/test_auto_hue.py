@@ -110,6 +110,35 @@ def test_channels_part_where_one_has_clipped_throughout() -> None:
     assert np.allclose(together.mean(), 0.213 * 0.5 + 0.715 * 0.2, atol=0.03)
 
 
+def test_no_patches_where_a_second_channel_is_coded_in_blocks_near_white() -> None:
+    """A pale sky whose blue clips and whose red stands at 0.9 or 0.95, by coding blocks."""
+    rng = np.random.default_rng(1)
+    red = np.repeat(np.repeat(rng.choice([0.9, 0.95], (6, 10)), 16, 0), 16, 1)
+    picture = np.dstack([red, 0.77 * np.ones_like(red), np.ones_like(red)]).astype(np.float32)
+    levels = np.full(picture.shape, (0.02, 0.0, 0.35), np.float32)  # blue rises by 0.8 stops
+    bounded = auto_clipping.bounded_parting(levels, picture, np.log2(PEAK))
+    planes, maps = (
+        [np.ascontiguousarray(plane) for plane in np.moveaxis(planes, -1, 0)]
+        for planes in (picture, np.dstack([bounded, np.zeros_like(red, np.float32)]))
+    )
+    result = picture * np.dstack(auto.gain_auto(planes, None, maps, Context(PEAK, PEAK)))
+    assert new_edges(picture, result).max() < 0.006
+    assert np.abs(uv(result) - uv(picture)).max() < 0.025
+
+
+def test_a_saturated_colour_may_part_further_and_two_clipped_channels_are_free() -> None:
+    levels = np.full((48, 64, 3), (0.5, 0.1, 0.0), np.float32)
+    for colour, parted_stops in (
+        ((1.0, 1.0, 1.0), 0.5 * 3),  # what is white tells nothing of the colour
+        ((1.0, 0.5, 0.5), 0.4),  # one stop: 0.4 times its square
+        ((1.0, 0.5, 2**-1.5), 0.4 * 1.5**2),
+        ((1.0, 1.0, 0.25), 0.5 * 3),
+    ):
+        picture = np.full(levels.shape, colour, np.float32)
+        bounded = auto_clipping.bounded_parting(levels, picture, 3.0) * 3
+        assert np.allclose(bounded[..., 0] - bounded[..., 2], parted_stops, atol=1e-3), colour
+
+
 def test_hue_keep_moves_none() -> None:
     picture = coded(lamp(), 0, 0.008)
     moved = np.abs(uv(expanded(picture, "keep")) - uv(picture))

@@ -26,7 +26,7 @@ from itmo_video.rendering import spans
 from itmo_video.settings import Settings
 from itmo_video.source.clip import Clip, first_number
 
-ALGORITHM = 7  # raise it whenever the same settings give other pixels
+ALGORITHM = 8  # raise it whenever the same settings give other pixels
 
 
 @dataclass(frozen=True)

@@ -11,8 +11,8 @@
 enum { BLOCK = 64 };
 
 /* What gain_block is given by number: see compiled.gain_auto. */
-enum { OPEN_FROM, CENTRE, STEEP, LOW, WHITE, APART_FROM, APART_WHOLLY, IS_APART, L_MAX, PER_STOP,
-       WITH_FROM, WITH_WHOLLY, UNKNOWN };
+enum { OPEN_FROM, CENTRE, STEEP, LOW, WHITE, APART_FROM, APART_WHOLLY, IS_APART, L_MAX, WITH_FROM,
+       WITH_WHOLLY, UNKNOWN };
 
 /* The stops of eq. 11, by a weight that is not 0 everywhere. */
 INLINE void curve_block(const float *const *rgb, const float *ratio, const float *weights,
@@ -76,21 +76,14 @@ INLINE void opened_block(const float *const *rgb, const float *const *maps, cons
     }
 }
 
-/* How far, in stops, a channel may part from the others, and how far `open` the greatest is to it. */
-INLINE void bound_block(const float *const *rgb, const float *n, int64_t size, float *restrict most,
-                        float *restrict open)
+/* How far the greatest channel of each place is open to part from the others. */
+INLINE void open_block(const float *const *rgb, const float *n, int64_t size, float *restrict open)
 {
-    float peak = log_two(n[L_MAX]), per_near = 1 / (n[WITH_WHOLLY] - n[WITH_FROM]);
     float per_apart = 1 / (n[APART_WHOLLY] - n[APART_FROM]);
     const float *red = rgb[0], *green = rgb[1], *blue = rgb[2];
     for (int64_t x = 0; x < size; x++) {
-        float r = between(red[x], 0, 1), g = between(green[x], 0, 1), b = between(blue[x], 0, 1);
-        float less = r < g ? r : g, more = r < g ? g : r, greatest = more > b ? more : b;
-        float middle = more < b ? more : b;
-        middle = less > middle ? less : middle;
-        float least = less < b ? less : b, near = between((middle - n[WITH_FROM]) * per_near, 0, 1);
-        float above = (greatest > 1e-3f ? greatest : 1e-3f) / (least > 1e-3f ? least : 1e-3f);
-        most[x] = near * near * (3 - 2 * near) * peak + n[PER_STOP] * log_two(above);
+        float greatest = red[x] > green[x] ? red[x] : green[x];
+        greatest = greatest > blue[x] ? greatest : blue[x];
         float t = between((greatest - n[APART_FROM]) * per_apart, 0, 1);
         open[x] = t * t * (3 - 2 * t);
     }
@@ -101,7 +94,7 @@ INLINE void bound_block(const float *const *rgb, const float *n, int64_t size, f
 INLINE int gain_block(const float *const *rgb, const float *ratio, const float *const *maps,
                       const float *n, int64_t size, float gains[3][BLOCK])
 {
-    float curve[BLOCK] = {0}, own[3][BLOCK], common[BLOCK], most[BLOCK], open[BLOCK];
+    float curve[BLOCK] = {0}, own[3][BLOCK], common[BLOCK], open[BLOCK];
     float peak = log_two(n[L_MAX]), per_with = 1 / (n[WITH_WHOLLY] - n[WITH_FROM]);
     int curves = 0, opens = 0, parts = 0;
     for (int64_t x = 0; maps[3] && x < size; x++)
@@ -131,14 +124,12 @@ INLINE int gain_block(const float *const *rgb, const float *ratio, const float *
             gains[0][x] = two_to(curve[x], nearest(curve[x]));
         return 1;
     }
-    bound_block(rgb, n, size, most, open);
+    open_block(rgb, n, size, open);
     for (int c = 0; c < 3; c++) {
         const float *plane = rgb[c];
         for (int64_t x = 0; x < size; x++) {
             float t = between((plane[x] - n[WITH_FROM]) * per_with, 0, 1);
-            float parted = own[c][x] - common[x];
-            parted = (parted < most[x] ? parted : most[x]) * (t * t * (3 - 2 * t) * open[x]);
-            float total = curve[x] + parted;
+            float total = curve[x] + (own[c][x] - common[x]) * (t * t * (3 - 2 * t) * open[x]);
             gains[c][x] = two_to(total, nearest(total));
         }
     }

@@ -28,19 +28,19 @@ class GainAuto(NamedTuple):
     """The constants of `operators.auto.gain_auto`, in the order of auto.c.
 
     `gate` is (from, centre, slope of a power of two, low, white) of a channel's opening, `steep`
-    where a channel parts from the others, wholly, and whether it may, `bound` how far it may beside
-    an unclipped one, and between which two levels that one counts as clipped.
+    where a channel parts from the others, wholly, and whether it may, `along` between which two
+    levels another channel comes to go along with it.
     """
 
     gate: tuple[float, float, float, float, float]
     steep: tuple[float, float, float]
-    bound: tuple[float, float, float]
+    along: tuple[float, float]
     l_max: float
 
     def as_array(self, unknown: bool) -> Float32:
         """As C has them; `unknown` where all that clips goes to L'max."""
-        gate, steep, bound, l_max = self
-        return np.array([*gate, *steep, l_max, *bound, float(unknown)], np.float32)
+        gate, steep, along, l_max = self
+        return np.array([*gate, *steep, l_max, *along, float(unknown)], np.float32)
 
 
 class SmallMaps(NamedTuple):

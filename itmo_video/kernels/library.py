@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-_VERSION = 13  # of the kernels
+_VERSION = 14  # of the kernels
 
 
 class _Array:

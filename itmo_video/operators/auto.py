@@ -23,7 +23,7 @@ from itmo_video.colour.luminance import luminance_of
 from itmo_video.kernels import compiled_auto
 from itmo_video.kernels.dispatch import with_compiled_form
 from itmo_video.model import Float32, Half
-from itmo_video.operators.auto_clipping import decided_together, known_clipped
+from itmo_video.operators.auto_clipping import bounded_parting, decided_together, known_clipped
 from itmo_video.operators.auto_levels import expected_levels, level_shares
 from itmo_video.operators.auto_rendering import GREATEST_WEIGHT, curve_weight, rendering_of
 from itmo_video.operators.base import Context, Guard, Parameter
@@ -39,8 +39,7 @@ _OPEN_LOW, _OPEN_WHITE = (
 )
 APART_FROM, APART_WHOLLY = 0.9, 1.0  # of the greatest channel: below it none parts from the others
 RATIO_LOW, RATIO_HIGH = 0.7, 2.0  # of smoothed over given light: small lamps stay bright
-APART_STOPS = 0.35  # that a channel may part, a stop between the greatest and the least
-WITH_FROM, WITH_WHOLLY = 0.88, 0.96  # light at which a channel counts as clipped with the greatest
+WITH_FROM, WITH_WHOLLY = 0.8, 1.0  # light at which a channel counts as clipped with the greatest
 LEAST_LIGHT = 2e-3
 # Texture is not lifted with the light that falls on it: eq. 11's argument is smoothed over it.
 TEXTURE = Guard(radius_px=21, epsilon=0.02, curve_map=3)
@@ -61,7 +60,8 @@ def map_auto(rgb_linear: Float32, context: Context, wrap_x: bool = False) -> Flo
     levels = expected_levels(shares, (height, width), context.l_max, wrap_x)
     levels = np.pad(levels, ((0, 0), (pad, pad), (0, 0)), "wrap")
     known = context.recall("known", lambda: known_clipped(wide))
-    maps[..., :3] = decided_together(levels * known, wide)[:, pad : pad + width]
+    apart = bounded_parting(levels * known, wide, math.log2(max(context.l_max, 1)))
+    maps[..., :3] = decided_together(apart, wide)[:, pad : pad + width]
     seen = context.recall("rendering", lambda: rendering_of(rgb_linear))
     rendering = replace(seen, footage=context.footage)
     maps[..., :3] *= np.float32(rendering.caution)
@@ -74,7 +74,7 @@ def _numbers(context: Context) -> compiled_auto.GainAuto:
     return compiled_auto.GainAuto(
         gate=(OPEN_FROM, OPEN_CENTRE, OPEN_SLOPE / math.log(2), _OPEN_LOW, _OPEN_WHITE),
         steep=(APART_FROM, APART_WHOLLY, float(context.hue == "restore")),
-        bound=(APART_STOPS, WITH_FROM, WITH_WHOLLY),
+        along=(WITH_FROM, WITH_WHOLLY),
         l_max=context.l_max,
     )
 
@@ -122,29 +122,13 @@ def gain_auto(
         stops.append(np.maximum(known - curve, 0) * gate / np.float32(_OPEN_WHITE - _OPEN_LOW))
     common = np.minimum(np.minimum(stops[0], stops[1]), stops[2])
     open_ = ramps(greatest, APART_FROM, APART_WHOLLY)
-    most = _stops_apart(limited, peak_stops)
     gains = []
     for plane, own in zip(limited, stops, strict=True):
         total = curve + common
         if apart:
-            parted = np.minimum(own - common, most)
-            total = total + parted * (open_ * ramps(plane, WITH_FROM, WITH_WHOLLY))
+            total = total + (own - common) * (open_ * ramps(plane, WITH_FROM, WITH_WHOLLY))
         gains.append(np.asarray(np.exp2(total), np.float32))
     return gains
-
-
-def _stops_apart(limited: Sequence[Float32], peak_stops: np.float32) -> Float32:
-    """How far a channel may part from the others: a bound in stops, float32 of their shape.
-
-    Where two did not clip, by APART_STOPS of what already lies between the greatest and the least:
-    a sky's blue that clips a little stays that sky's. Where the second greatest clips, too, it
-    tells nothing of the colour, and there is no bound.
-    """
-    least, second, greatest = np.sort(np.stack(list(limited)), axis=0)
-    free = ramps(second, WITH_FROM, WITH_WHOLLY) * peak_stops
-    dark = np.float32(1e-3)
-    colour_stops = np.log2(np.maximum(greatest, dark) / np.maximum(least, dark))
-    return np.asarray(free + np.float32(APART_STOPS) * colour_stops, np.float32)
 
 
 def _compiled_expand_auto(

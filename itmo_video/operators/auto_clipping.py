@@ -20,6 +20,8 @@ NEAR_FROM, NEAR_WHOLLY = 0.8, 0.93  # of white, linear: bright; a channel that c
 AROUND_PX, FAR_AROUND_PX = 2.5, 7.0  # standard deviations, of the analysis picture
 KNOWN_FROM, KNOWN_WHOLLY = 0.1, 0.7  # shares of what is bright around
 DECIDED_FROM, DECIDED_WHOLLY = 0.6, 0.95
+APART_STOPS = 0.4  # that a channel may part where the colour around spans a stop; by its square
+FREE_FROM, FREE_WHOLLY = 0.9, 1.0  # of white, linear: the second channel around, which then clips
 LUMINANCE = (0.213, 0.715, 0.072)
 
 
@@ -56,6 +58,30 @@ def decided_together(stops: Float32, rgb_linear: Float32) -> Float32:
     decided = ramps(share, DECIDED_FROM, DECIDED_WHOLLY)
     mean = (stops @ np.array(LUMINANCE, np.float32))[..., None]
     return np.asarray(mean + decided * (stops - mean), np.float32)
+
+
+def bounded_parting(levels: Float32, rgb_linear: Float32, peak_stops: float) -> Float32:
+    """Levels of R, G and B that part no further than the colour around allows: float32 (H, W, 3).
+
+    Where one channel alone clips, by APART_STOPS times the squared stops between the greatest and
+    the least of what is bright around: a pale sky's blue that clips a little stays that sky's, an
+    orange sky's red is restored. Where the second channel clips, too, it tells nothing of the
+    colour, and there is no bound. Levels are over `peak_stops`, log2 L'max; both are (H, W, 3).
+    """
+    bright = ramps(greatest_of(rgb_linear), NEAR_FROM, NEAR_WHOLLY)[..., None]
+    trace = np.float32(1e-3)  # where nothing is bright around, the place's own colour
+    weight = _blurred(bright, AROUND_PX) + trace
+    colour = (_blurred(rgb_linear * bright, AROUND_PX) + trace * rgb_linear) / weight
+    greatest, least = colour.max(-1, keepdims=True), colour.min(-1, keepdims=True)
+    second = colour.sum(-1, keepdims=True) - greatest - least
+    dark = np.float32(1e-3)
+    span_stops = np.log2(np.maximum(greatest, dark) / np.maximum(least, dark))
+    most = np.float32(APART_STOPS / max(peak_stops, 1e-6)) * span_stops * span_stops
+    common = levels.min(-1, keepdims=True)
+    parted = levels - common
+    held = np.minimum(parted, most)
+    free = ramps(second, FREE_FROM, FREE_WHOLLY)
+    return np.asarray(common + held + free * (parted - held), np.float32)
 
 
 def _share(clips: Float32, bright: Float32, sigma: float) -> Float32:
