@@ -203,7 +203,7 @@ def test_a_result_is_a_mapping_and_says_what_is_not_there(tmp_path: Path) -> Non
     with pytest.raises(KeyError):
         result[4]
     (tmp_path / "out" / "clip.0002.exr").write_bytes(b"not whole")
-    with pytest.raises(InputError, match="not a whole EXR file"):
+    with pytest.raises(InputError, match="not an intact EXR file"):
         result[2]
     with pytest.raises(InputError, match="not a converted folder"):
         open_result(tmp_path)

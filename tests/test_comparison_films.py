@@ -97,7 +97,7 @@ def test_exposure_is_refused_where_nothing_is_mapped(
     clip: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], flags: list[str]
 ) -> None:
     assert main(["preview", str(clip), str(tmp_path / "a.mp4"), "--exposure", "1", *flags]) == 2
-    assert "--exposure is for" in capsys.readouterr().err
+    assert "--exposure applies to" in capsys.readouterr().err
 
 
 def test_the_bands_are_the_studios() -> None:

@@ -76,7 +76,7 @@ def test_a_manifest_of_nonsense_is_an_input_error(
     manifest = json.loads((shots / MANIFEST_NAME).read_text())
     manifest["settings"]["shots"] = shots_told
     (tmp_path / MANIFEST_NAME).write_text(json.dumps(manifest))
-    with pytest.raises(InputError, match="manifest is not valid"):
+    with pytest.raises(InputError, match="manifest is invalid"):
         find_converted(tmp_path)
 
 

@@ -86,7 +86,7 @@ def test_enormous_files_are_refused_unread(tmp_path: Path) -> None:
         at = data.index(name) + len(name) + len(b"box2i\0") + 4
         data[at : at + 16] = struct.pack("<4i", 0, 0, 99999, 99999)
     (tmp_path / "b.exr").write_bytes(bytes(data))
-    with pytest.raises(InputError, match="it claims"):
+    with pytest.raises(InputError, match=r"would take|implausible"):
         read_rgb(tmp_path / "b.exr")
 
 

@@ -157,7 +157,7 @@ def test_ffprobe_sees_codec_profile_and_light(clip: Path, tmp_path: Path) -> Non
     ("name", "flags", "words"),
     [
         ("a.mp4", ["--as", "logc3"], "log is for grading"),
-        ("a.mp4", ["--codec", "prores4444"], "goes into .mov"),
+        ("a.mp4", ["--codec", "prores4444"], "needs .mov"),
         ("a.mov", ["--codec", "prores4444", "--chroma", "422"], "is not 4:2:2"),
         ("a.mov", ["--codec", "dnxhr", "--chroma", "420"], "is not 4:2:0"),
         ("a.mov", ["--codec", "dnxhr", "--crf", "3"], "fixed quality"),

@@ -224,7 +224,7 @@ def test_a_reader_that_leaves_is_a_clean_end(films: dict[str, Path]) -> None:
         process.stdout.close()
         told = process.stderr.read().decode()
         assert process.wait(60) == 0, told
-    assert "the reader left after" in told
+    assert "the reader closed the pipe after" in told
     assert "Traceback" not in told
 
 

@@ -1,1 +1,1 @@
-"""Pictures and films to look at: HDR10 and HLG masters, stills, and views for SDR monitors."""
+"""Films and stills: HDR10 and HLG, masters for grading, and views for SDR monitors."""

@@ -1,4 +1,4 @@
-"""The output transforms of ACES 2.0, by OpenColorIO and its built-in config (extra `ocio`).
+"""ACES 2.0 output transforms, by OpenColorIO's built-in config (extra `ocio`).
 
 Linear light is taken as scene-linear, 1.0 = SDR white = a perfect diffuser.
 """
@@ -29,24 +29,24 @@ Planes = Sequence[Half | Float32]
 
 
 def aces_sdr(rgb: Planes, primaries: str, gain: float = 1.0) -> Picture:
-    """R'G'B' in [0, 1] for a BT.1886 monitor, (H, W, 3) float32, of linear planes."""
+    """Linear planes as R'G'B' in [0, 1] for a BT.1886 monitor, (H, W, 3) float32."""
     return np.clip(_shown(rgb, primaries, gain, *_SDR), np.float32(0), np.float32(1))
 
 
 def aces_hdr_nits(rgb: Planes, primaries: str, peak_nits: float, gain: float = 1.0) -> Picture:
-    """BT.2020 R, G and B in nits, (H, W, 3) float32, on a display with this of HDR_PEAKS."""
+    """BT.2020 R, G and B in nits, (H, W, 3) float32, for a display with one of HDR_PEAKS."""
     view = f"ACES 2.0 - HDR {peak_nits:.0f} nits (P3 D65)"
     code = _shown(rgb, primaries, gain, "Rec.2100-PQ - Display", view)
     return np.asarray(pq_nits(code), np.float32)
 
 
 def aces_peak(peak_nits: float) -> float:
-    """The display that a picture of this peak is shown on: the brightest that is no brighter."""
+    """The display peak to use for a picture of this peak: the highest that does not exceed it."""
     return float(max((p for p in HDR_PEAKS if p <= peak_nits), default=HDR_PEAKS[0]))
 
 
 def require_aces() -> None:
-    """Raise UsageError where OpenColorIO is missing or has no ACES 2.0."""
+    """Raise UsageError if OpenColorIO is missing or lacks ACES 2.0."""
     _processor("rec709", *_SDR)
 
 
@@ -62,7 +62,7 @@ def _processor(primaries: str, display: str, view: str) -> Any:
         import PyOpenColorIO
     except ImportError as error:
         raise UsageError(
-            "the views of ACES need OpenColorIO", remedy="pip install 'itmo_video[ocio]'"
+            "ACES views need OpenColorIO", remedy="pip install 'itmo_video[ocio]'"
         ) from error
     try:
         config = PyOpenColorIO.Config.CreateFromFile(CONFIG)

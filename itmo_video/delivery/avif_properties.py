@@ -1,7 +1,7 @@
 """HDR10's static metadata in an AVIF still: the item properties `clli` and `mdcv`.
 
-FFmpeg's muxer writes none, so they are added to the finished file (ISO/IEC 23008-12, 6.5; boxes of
-ISO/IEC 14496-12, 12.1.6 and 12.1.7): the picture's data move down, and `iloc` says where to.
+FFmpeg's muxer writes neither, so they are added to the finished file (ISO/IEC 23008-12, 6.5; boxes
+of ISO/IEC 14496-12, 12.1.6 and 12.1.7): the picture's data moves down, and `iloc` is updated.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ Box = tuple[bytes, bytes]
 
 
 def with_light(avif: bytes, mastering: Mastering, light: Light) -> bytes:
-    """The file with both properties added to its one picture; OutputError for other forms of it."""
+    """The file with both properties added to its single picture; OutputError for other layouts."""
     cll, fall = light.as_integers
     added = ((b"clli", struct.pack(">2H", cll, fall)), (b"mdcv", mastering.box()))
     try:
@@ -29,7 +29,7 @@ def with_light(avif: bytes, mastering: Mastering, light: Light) -> bytes:
 def _with_properties(avif: bytes, added: Sequence[Box]) -> bytes:
     top = _boxes(avif)
     meta = next(body for kind, body in top if kind == b"meta")
-    inside = _boxes(meta[4:])  # a full box: version and flags come first
+    inside = _boxes(meta[4:])  # a full box starts with version and flags
     properties = _boxes(next(body for kind, body in inside if kind == b"iprp"))
     ipco = _boxes(next(body for kind, body in properties if kind == b"ipco"))
     ipma = next(body for kind, body in properties if kind == b"ipma")
@@ -46,7 +46,7 @@ def _boxes(data: bytes) -> list[Box]:
     while at < len(data):
         size, kind = struct.unpack_from(">I4s", data, at)
         if size < 8 or at + size > len(data):
-            raise ValueError("a box of another form")
+            raise ValueError("unexpected box")
         found.append((kind, data[at + 8 : at + size]))
         at += size
     return found
@@ -57,16 +57,16 @@ def _written(boxes: Sequence[Box]) -> bytes:
 
 
 def _associated(ipma: bytes, numbers: Sequence[int]) -> bytes:
-    """`ipma` of one item, with properties of these numbers, which readers may ignore."""
+    """`ipma` of one item with these properties added as non-essential."""
     version_flags, items, _, count = struct.unpack_from(">IIHB", ipma)
     if version_flags != 0 or items != 1 or max(numbers) > 127:
-        raise ValueError("another form of ipma")
+        raise ValueError("unexpected ipma")
     return ipma[:10] + bytes([count + len(numbers)]) + ipma[11:] + bytes(numbers)
 
 
 def _moved(iloc: bytes, by: int) -> bytes:
-    """`iloc` of one item in one extent, whose data lie so many bytes further down."""
+    """`iloc` of one item in one extent, with its data moved down by a number of bytes."""
     head, sizes, items, _, _, extents, offset, length = struct.unpack(">I5H2I", iloc)
     if head != 0 or sizes != 0x4400 or items != 1 or extents != 1:
-        raise ValueError("another form of iloc")
+        raise ValueError("unexpected iloc")
     return iloc[:-8] + struct.pack(">II", offset + by, length)

@@ -1,4 +1,4 @@
-"""Dynamic metadata as the usual tools take them: HDR10+ JSON and Dolby Vision level 1.
+"""Dynamic metadata in the formats of common tools: HDR10+ JSON and Dolby Vision level 1.
 
 HDR10+ is SMPTE ST 2094-40, in the JSON of hdr10plus_tool and x265 (profile A: measured light, no
 curves). Dolby Vision is the JSON of `dovi_tool generate`, profile 8.1.
@@ -16,20 +16,20 @@ from itmo_video.colour.transfer import pq_code
 from itmo_video.delivery.metadata import Mastering
 from itmo_video.delivery.shot_light import FilmLight, ShotLight, starts_and_lengths
 
-# What ST 2094-40's nine values are called, and what stands in them: percentiles but for two, which
-# HDR10+ has redefined (DistributionY99 and DistributionY100nit).
+# The names of ST 2094-40's nine values, which are percentiles except for two that HDR10+ has
+# redefined (DistributionY99 and DistributionY100nit).
 DISTRIBUTION_INDEX = (1, 5, 10, 25, 50, 75, 90, 95, 99)
 _PERCENTILES = {1: 1.0, 5: 99.99, 25: 25.0, 50: 50.0, 75: 75.0, 90: 90.0, 95: 95.0, 99: 99.98}
 _SHARE_OF_100_NITS = 10
-# Level 1 in content mapping 4.0: what decoders expect of its 12-bit values.
+# Level 1 in content mapping 4.0: the limits of its 12-bit values that decoders expect.
 MIN_PQ_AT_MOST, MAX_PQ_AT_LEAST, AVG_PQ_AT_LEAST = 12, 2081, 1229
 
 
 def hdr10plus(film: FilmLight, mastering: Mastering | None = None) -> dict[str, Any]:
-    """The document for `hdr10plus_tool inject` and `x265 --dhdr10-info`: an entry a frame.
+    """The document for `hdr10plus_tool inject` and `x265 --dhdr10-info`: one entry per frame.
 
-    `mastering` has no place in it. Light is in tenths of a nit of linear max(R, G, B), over all
-    pixels of the shot.
+    `mastering` is not part of it. Light is linear max(R, G, B) in tenths of a nit, over all pixels
+    of the shot.
     """
     entries = [
         {
@@ -54,7 +54,7 @@ def hdr10plus(film: FilmLight, mastering: Mastering | None = None) -> dict[str, 
 
 
 def dolby_vision(film: FilmLight, mastering: Mastering) -> dict[str, Any]:
-    """The document for `dovi_tool generate -j`: level 1 by shots, level 6 as HDR10 has it."""
+    """The document for `dovi_tool generate -j`: level 1 per shot, level 6 as in HDR10."""
     cll, fall = film.light.as_integers
     return {
         "cm_version": "V40",
@@ -78,7 +78,7 @@ def dolby_vision(film: FilmLight, mastering: Mastering) -> dict[str, Any]:
 
 
 def level1(shot: ShotLight) -> dict[str, int]:
-    """Minimum, maximum and mean of max(R, G, B) as 12-bit PQ, within what decoders expect."""
+    """Minimum, maximum and mean of max(R, G, B) as 12-bit PQ, within decoders' limits."""
     lowest, highest = (
         round(4095 * float(pq_code(np.array(nits))))
         for nits in (shot.lowest_nits, max(shot.maxima_nits))
@@ -89,7 +89,7 @@ def level1(shot: ShotLight) -> dict[str, int]:
 
 
 def as_text(document: dict[str, Any]) -> str:
-    """JSON, indented as these tools write it themselves."""
+    """JSON, indented as these tools write it."""
     return json.dumps(document, indent=2, allow_nan=False) + "\n"
 
 

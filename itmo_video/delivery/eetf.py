@@ -1,4 +1,4 @@
-"""The EETF of ITU-R BT.2390: what was made for one peak, shown on a display with a lower one."""
+"""The EETF of ITU-R BT.2390: tone mapping from one peak to a display with a lower one."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from itmo_video.model import Float32, Float64
 
 
 def bt2390_eetf(nits: Float64 | Float32, source_peak: float, display_peak: float) -> Float64:
-    """Light on a display of `display_peak` nits of light made for `source_peak`, black at 0.
+    """Light on a display of `display_peak` nits for light of up to `source_peak`, black at 0.
 
     A knee in PQ with a Hermite spline above it, unchanged below. BT.2390-10, 5.4.1, steps 1 to 3
-    and 5. Any shape, rising; nothing changes where the display is no darker.
+    and 5. Any shape, monotonic; the identity if the display's peak is not lower.
     """
     top, target = (float(transfer.pq_code(np.array(n))) for n in (source_peak, display_peak))
     if target >= top:
@@ -35,7 +35,7 @@ def bt2390_eetf(nits: Float64 | Float32, source_peak: float, display_peak: float
 
 
 def to_display(nits: Planes, source_peak: float, display_peak: float | None) -> Planes:
-    """R, G and B in nits by the EETF on max(R, G, B), so that hue is kept; None changes nothing."""
+    """R, G and B in nits with the EETF on max(R, G, B), which keeps hue; None changes nothing."""
     if display_peak is None or display_peak >= source_peak:
         return nits
     largest = cv2.max(cv2.max(nits[0], nits[1]), nits[2])
@@ -46,7 +46,7 @@ def to_display(nits: Planes, source_peak: float, display_peak: float | None) -> 
 
 
 def _shown(plane: Float32, factor: Any, display_peak: float) -> Float32:
-    # The factor is looked up by a half float: half a step more may come out at the peak.
+    # The factor is looked up by half float, so the peak may be exceeded by half a step.
     scaled = cv2.min(cv2.multiply(plane, factor.reshape(plane.shape)), display_peak)
     return np.asarray(scaled, np.float32).reshape(plane.shape)
 

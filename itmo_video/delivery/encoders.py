@@ -29,7 +29,7 @@ _CODE_POINTS: dict[str, tuple[int, int, int]] = {
 
 
 def encode_avif(planes: YCbCr, crf: float, signal: Signal = "pq") -> bytes:
-    """A 10-bit BT.2020 AVIF still, PQ or HLG, 4:2:0, of the encoder that films use."""
+    """A 10-bit BT.2020 AVIF still, PQ or HLG, 4:2:0, by the encoder used for films."""
     target = io.BytesIO()
     height, width = planes[0].shape
     with av.open(target, "w", format="avif") as box:
@@ -51,7 +51,7 @@ def encode_avif(planes: YCbCr, crf: float, signal: Signal = "pq") -> bytes:
 
 
 def encoder_options(spec: FilmSpec) -> dict[str, str]:
-    """The options of this film's encoder, by FFmpeg's names."""
+    """The encoder's options for this film, by FFmpeg's names."""
     if spec.codec in ("prores", "prores4444"):
         return {"profile": "3" if spec.codec == "prores" else "4", "vendor": "apl0"}
     if spec.codec == "dnxhr":
@@ -66,7 +66,7 @@ def encoder_options(spec: FilmSpec) -> dict[str, str]:
                 f"mastering-display={spec.mastering.for_svt()}:content-light={cll},{fall}"
             )
         return options
-    # Its own SEI lists its options, among them the placeholders below.
+    # x265's SEI with its options would include the placeholders below.
     told = ["log-level=none", "info=0", "repeat-headers=1", "chromaloc=0"]
     if is_hdr10:
         told += ["hdr10=1", f"master-display={spec.mastering.for_x265()}", f"max-cll={cll},{fall}"]

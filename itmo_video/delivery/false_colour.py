@@ -1,4 +1,4 @@
-"""False colour: luminance as colours with a legend, in stops about SDR white or in round nits.
+"""False colour: luminance as colours with a legend, in stops around SDR white or in round nits.
 
 Pure: linear BT.709 light in, 1.0 = SDR white; R'G'B' out, (H, W, 3) float32 in [0, 1].
 """
@@ -20,7 +20,7 @@ Scale = Literal["stops", "nits"]
 LEGEND_ROWS_MIN = 24
 _WEIGHTS = (0.2126, 0.7152, 0.0722)
 _DARKEST_STOP = -8
-# The bands of nits are those of the studio and the report, viewer/false_colour.js.
+# The bands in nits are those of the studio and the report, viewer/false_colour.js.
 ROUND_NITS = (
     0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100, 200, 400, 600, 1000, 2000, 4000, 10000
 )  # fmt: skip
@@ -30,7 +30,7 @@ ABOVE_WHITE = ((150, 50, 0), (230, 120, 0), (250, 190, 60), (255, 250, 225))
 
 @dataclass(frozen=True)
 class Band:
-    """A step of false colour: from this luminance up, in SDR white; its R'G'B', its label."""
+    """A step of false colour: its lowest luminance (SDR white = 1), R'G'B' and label."""
 
     lower: float
     colour: tuple[float, float, float]
@@ -40,8 +40,8 @@ class Band:
 def false_colour(linear: Picture, scale: Scale, white_nits: float, peak: float) -> Picture:
     """Luminance as colours distinct for colour-blind people, with a legend below the picture.
 
-    In nits the steps are round ones, blue up to SDR white and orange above it; in stops they are
-    half stops of cividis. `peak` is the brightest, in SDR white.
+    In nits the steps are round, blue up to SDR white and orange above; in stops they are half stops
+    of cividis. `peak` is the highest luminance, SDR white = 1.
     """
     steps = bands(scale, white_nits, peak)
     luminance = linear @ np.array(_WEIGHTS, np.float32)
@@ -56,7 +56,7 @@ def false_colour(linear: Picture, scale: Scale, white_nits: float, peak: float) 
 
 
 def bands(scale: Scale, white_nits: float, peak: float) -> tuple[Band, ...]:
-    """The steps from dark to bright; the first has all that is darker than it says, too."""
+    """The steps from dark to bright; the first includes everything darker, too."""
     return _of_stops(peak) if scale == "stops" else _of_nits(white_nits, peak)
 
 
@@ -71,7 +71,7 @@ def _of_stops(peak: float) -> tuple[Band, ...]:
 
 
 def _of_nits(white: float, peak: float) -> tuple[Band, ...]:
-    # A round number beside white would be a sliver.
+    # A round number next to white would leave a sliver.
     edges = [n for n in ROUND_NITS if abs(n / white - 1) > 0.1 and n < peak * white * 0.999]
     below = [0.0, *(n for n in edges if n < white)]
     above = [white, *(n for n in edges if n > white)]
@@ -112,7 +112,7 @@ def _legend(width: int, height: int, steps: tuple[Band, ...], scale: Scale) -> P
         mask = text_mask(band.label + unit, size)
         if mask.shape[1] + 3 > right - left and not unit:
             mask = text_mask(band.label.split()[0], size)
-        # A mark without its number says nothing wrong; numbers over each other would.
+        # A mark may go without its number; overlapping numbers would be illegible.
         if left < written_to or left + 3 + mask.shape[1] > width:
             continue
         ink = (0.0,) * 3 if float(np.dot(band.colour, _WEIGHTS)) > 0.4 else (1.0,) * 3

@@ -1,4 +1,4 @@
-"""What a film is encoded as: its codec, signal and sizes, and what does not go together."""
+"""The encoding of a film: codec, signal and sizes, and checks of their combinations."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ from itmo_video.errors import UsageError
 Codec = Literal["av1", "hevc", "prores", "prores4444", "dnxhr"]
 Signal = Literal["pq", "hlg", "sdr", "acescct", "logc3"]
 
-MASTERS: dict[str, tuple[Chroma, ...]] = {  # for grading: intraframe, of a fixed quality
+MASTERS: dict[str, tuple[Chroma, ...]] = {  # for grading: intraframe, fixed quality
     "prores": ("422",),
     "prores4444": ("444",),
     "dnxhr": ("422", "444"),
 }
 _NAMES = {"prores": "ProRes 422 HQ", "prores4444": "ProRes 4444", "dnxhr": "DNxHR"}
-_LEAST = {"dnxhr": (256, 120), "hevc": (16, 16), "av1": (4, 4)}  # pixels that an encoder takes
+_LEAST = {"dnxhr": (256, 120), "hevc": (16, 16), "av1": (4, 4)}  # the encoders' minimum sizes
 
 MUXERS = {".mp4": "mp4", ".m4v": "mp4", ".mov": "mov", ".mkv": "matroska"}
 DEFAULT_CRF: dict[str, int] = {"av1": 25, "hevc": 18}
-HIGH_CRF: dict[str, float] = {"av1": 1, "hevc": 1}  # nits within 2 % in the median, dark ones too
+HIGH_CRF: dict[str, float] = {"av1": 1, "hevc": 1}  # median error within 2 %, also in the dark
 DEFAULT_SPEED: dict[str, str] = {"av1": "5", "hevc": "fast"}
 SPEEDS: dict[str, tuple[str, ...]] = {
     "av1": tuple(map(str, range(14))),
@@ -38,7 +38,7 @@ SPEEDS: dict[str, tuple[str, ...]] = {
 
 @dataclass(frozen=True)
 class FilmSpec:
-    """What a film is encoded as: sizes in pixels (even), times in seconds, light in nits."""
+    """The encoding of a film: sizes in pixels (even), times in seconds, light in nits."""
 
     width: int
     height: int
@@ -54,12 +54,12 @@ class FilmSpec:
 
     @property
     def mastering(self) -> metadata.Mastering:
-        """A P3 display with the stated peak, on which HDR10 is mastered by custom."""
+        """The mastering display: P3, as is usual for HDR10, with the stated peak."""
         return metadata.Mastering(primaries.CHROMATICITIES["p3d65"], self.peak_nits)
 
 
 def default_chroma(codec: Codec) -> Chroma:
-    """What a codec for grading has first, 4:2:0 for what is distributed."""
+    """The default chroma of a grading codec, 4:2:0 for distribution codecs."""
     return MASTERS[codec][0] if codec in MASTERS else "420"
 
 
@@ -69,39 +69,42 @@ def pixel_format(chroma: Chroma) -> str:
 
 
 def check_speed(codec: Codec, speed: str | None) -> None:
-    """Raise UsageError for what is no preset of the codec's encoder."""
+    """Raise UsageError unless it is a preset of the codec's encoder."""
     known = SPEEDS.get(codec, ())
     if speed is not None and speed not in known:
         raise UsageError(
-            f"--speed {speed}: {codec} has no such preset",
+            f"--speed {speed}: no such preset for {codec}",
             remedy=f"Known: {', '.join(known)}." if known else "Omit --speed.",
         )
 
 
 def check_film(path: Path, spec: FilmSpec) -> None:
-    """Raise UsageError for a combination that no player or encoder takes."""
+    """Raise UsageError for a combination that players or encoders do not support."""
     if path.suffix.lower() not in MUXERS:
-        raise UsageError(f"{path.name}: cannot be a film", remedy=f"Name it {', '.join(MUXERS)}.")
+        raise UsageError(
+            f"{path.name}: not the name of a film", remedy=f"End it in {', '.join(MUXERS)}."
+        )
     if spec.codec == "av1" and path.suffix.lower() == ".mov":
-        raise UsageError("AV1 does not go into .mov", remedy="Name the output .mp4 or .mkv.")
+        raise UsageError("AV1 is not possible in .mov", remedy="Name the output .mp4 or .mkv.")
     if spec.codec in MASTERS:
         _check_master(path, spec)
     elif spec.signal in ("acescct", "logc3"):
         raise UsageError(
-            "log is for grading", remedy="Take --codec prores4444, prores or dnxhr, and film.mov."
+            "log is for grading codecs only",
+            remedy="Use --codec prores4444, prores or dnxhr, and .mov.",
         )
     if spec.pixel_aspect != 1 and spec.codec == "av1" and path.suffix.lower() == ".mkv":
-        raise UsageError(  # AV1's own header has none, and PyAV does not set Matroska's
+        raise UsageError(  # AV1's header has none, and PyAV does not set Matroska's
             "AV1 in .mkv would lose the pixel aspect ratio", remedy="Name the output .mp4."
         )
     if spec.codec == "av1" and spec.chroma != "420":
-        raise UsageError("SVT-AV1 encodes 4:2:0 only", remedy="Take --codec hevc or prores.")
+        raise UsageError("SVT-AV1 encodes 4:2:0 only", remedy="Use --codec hevc or prores.")
 
 
 def _check_master(path: Path, spec: FilmSpec) -> None:
     name = _NAMES[spec.codec]
     if path.suffix.lower() not in (".mov", ".mkv"):
-        raise UsageError(f"{name} goes into .mov or .mkv", remedy="Name the output film.mov.")
+        raise UsageError(f"{name} needs .mov or .mkv", remedy="Name the output film.mov.")
     if spec.crf is not None or spec.speed is not None:
         raise UsageError(f"{name} has a fixed quality", remedy="Omit --crf and --speed.")
     if spec.chroma not in MASTERS[spec.codec]:
@@ -109,12 +112,12 @@ def _check_master(path: Path, spec: FilmSpec) -> None:
 
 
 def check_size(spec: FilmSpec) -> None:
-    """Raise UsageError for sizes in pixels that the codec does not have."""
+    """Raise UsageError for sizes that the codec does not support."""
     least = _LEAST.get(spec.codec, (2, 2))
     if spec.width < least[0] or spec.height < least[1]:
         name = _NAMES.get(spec.codec, spec.codec.upper())
         raise UsageError(
-            f"{spec.width}x{spec.height} is too small for {name}, "
-            f"which takes {least[0]}x{least[1]} at least",
-            remedy="ProRes (--codec prores, .mov) takes any size.",
+            f"{spec.width}x{spec.height} is too small for {name}: "
+            f"at least {least[0]}x{least[1]} is needed",
+            remedy="ProRes (--codec prores, .mov) supports any size.",
         )

@@ -1,4 +1,4 @@
-"""Writes a film by PyAV, with the sound and chapters of its source."""
+"""Writing a film with PyAV, with the sound and chapters of its source."""
 
 from __future__ import annotations
 
@@ -37,18 +37,18 @@ from itmo_video.output.atomic import temp_path
 from itmo_video.output.gate import Gate
 from itmo_video.source.packets import TAG_ERRORS
 
-# Of fewer frames than it may reorder x265 (4.1) reads a decoding time that it never wrote; it
-# keeps so few in their order.
+# With fewer frames than it may reorder, x265 (4.1) reads an uninitialised decoding time; so few
+# are not reordered.
 _X265_REORDERS = 2
 
 
 class FilmWriter:
-    """Writes a film under a temporary name; `finish` completes it and puts it through its gate.
+    """Writes a film under a temporary name; `finish` completes and renames it.
 
-    In `with`, a film that is not finished is removed. Sound and chapters are copied from `source`
-    as they are; InputError where not a regular file in a known container. `first_s` is the first
-    frame's time in the source. A whole film begins at 0, whenever its source does; of a part, sound
-    before it and after the last frame is left out. `notices` says what is not copied.
+    In `with`, an unfinished film is removed. Sound and chapters are copied unchanged from `source`;
+    InputError unless it is a regular file in a known container. `first_s` is the first frame's time
+    in the source. A whole film starts at 0, wherever its source does; for a range of frames, sound
+    before and after it is omitted. `notices` lists what is not copied.
     """
 
     def __init__(
@@ -75,9 +75,9 @@ class FilmWriter:
         self._messages: dict[int, bytes] = {}
         self._end_s: Fraction | None = None
         muxer = MUXERS[path.suffix.lower()]
-        # A check sum of Matroska's would not know of the completed metadata.
+        # Matroska's checksum would not match the completed metadata.
         options = {"write_crc32": "0"} if muxer == "matroska" else {}
-        options["fflags"] = "+bitexact"  # else Matroska's identifiers are drawn by chance
+        options["fflags"] = "+bitexact"  # otherwise Matroska's identifiers are random
         self._source: Sound | None = None
         try:
             self._box: Any = av.open(
@@ -141,7 +141,7 @@ class FilmWriter:
             raise _failure(error, self.path, self._source is not None) from error
 
     def finish(self, light: Light | None) -> None:
-        """Flush, copy the rest of the sound, complete MaxCLL and MaxFALL and rename the file."""
+        """Flush, copy the rest of the sound, fill in MaxCLL and MaxFALL, and rename the file."""
         try:
             self._mux(self._stream.encode(None))
             self._mux_sound(None if self._is_whole else self._end_s)
@@ -149,7 +149,9 @@ class FilmWriter:
             if light is not None and self.spec.signal == "pq":
                 found = metadata.complete_light(self._temp, self.spec.codec, light)
                 if self.spec.codec not in MASTERS and not found:
-                    raise OutputError("its encoder wrote no content light", where=str(self.path))
+                    raise OutputError(
+                        "the encoder wrote no light levels (MaxCLL)", where=str(self.path)
+                    )
                 if self.path.suffix.lower() != ".mkv":
                     metadata.add_boxes(self._temp, self.spec.mastering, light)
             self._gate.put(self._temp)
@@ -157,7 +159,7 @@ class FilmWriter:
             raise _failure(error, self.path, self._source is not None) from error
 
     def close(self) -> None:
-        """Close everything and remove what was not finished."""
+        """Close everything and remove an unfinished file."""
         for thing in (getattr(self, "_box", None), self._source):
             with suppress(Exception):
                 if thing is not None:
@@ -178,7 +180,7 @@ class FilmWriter:
         context.sample_aspect_ratio = spec.pixel_aspect
         context.gop_size = max(1, round(2 * spec.frame_rate))  # so that players can seek
         if spec.codec == "hevc":
-            context.codec_tag = "hvc1"  # Apple's players take no other
+            context.codec_tag = "hvc1"  # Apple's players require it
         tag_signal(context, spec.signal)
         with svt_as_guest():
             context.open()
@@ -190,7 +192,7 @@ class FilmWriter:
         if chapters and self._is_whole:
             self._box.set_chapters(chapters)
         if self._is_whole:
-            # Captures begin at any time; sound that is primed before 0 stays as it is.
+            # Captures start at any time; sound with priming before 0 is kept.
             self._start_s = max(Fraction(0), min(self._start_s, source.first_s))
         self._sound = source.packets()
 
@@ -200,7 +202,7 @@ class FilmWriter:
             if packet.pts is not None:
                 if self.spec.codec == "hevc" and self._frames <= _X265_REORDERS:
                     packet.dts = packet.pts
-                # Encoders drop it; the last frame of a varying rate has nothing else to say it.
+                # Dropped by encoders, but at a variable rate the last frame needs its duration.
                 packet.duration = self._lengths.pop(packet.pts, packet.duration)
                 self._mux_sound(packet.pts * Fraction(packet.time_base) + self._start_s)
             self._box.mux(packet)
@@ -217,7 +219,7 @@ class FilmWriter:
         return out
 
     def _mux_sound(self, until_s: Fraction | None) -> None:
-        """Copy the sound's packets that begin before `until_s` (source time)."""
+        """Copy the sound packets that start before `until_s` (source time)."""
         while True:
             found = self._waiting if self._waiting is not None else next(self._sound, None)
             if found is None:
@@ -228,7 +230,7 @@ class FilmWriter:
             if until_s is not None and at >= until_s:
                 self._waiting = found
                 return
-            # A codec's priming before 0 belongs to the sound of a whole film.
+            # A codec's priming before 0 is part of a whole film's sound.
             if not self._is_whole and at + (packet.duration or 0) * base <= self._start_s:
                 continue
             shift = round(self._start_s / base)
@@ -240,7 +242,7 @@ class FilmWriter:
 
 def _failure(error: Exception, path: Path, has_sound: bool) -> OutputError:
     reason = getattr(error, "strerror", None) or str(error)
-    sound = "Where it is the sound that does not fit the container, .mkv takes all kinds."
+    sound = "If the container does not support the sound, try .mkv, or --no-audio."
     return OutputError(
         f"cannot be encoded: {reason}", where=str(path), remedy=sound if has_sound else None
     )

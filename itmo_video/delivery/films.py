@@ -1,4 +1,4 @@
-"""A preview's frames in order to a film, in a file or through a pipe."""
+"""Writing a preview's frames as a film, to a file or a pipe."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ _NO_LIGHT = Light(0.0, 0.0)
 
 
 def is_y4m(output: Path) -> bool:
-    """Whether a film is written as y4m: to standard output, a FIFO, or by its name."""
+    """Whether a film is written as Y4M: to standard output, a FIFO, or by its name."""
     return output.suffix.lower() == Y4M_SUFFIX or is_stream_output(output)
 
 
@@ -48,9 +48,9 @@ def write_film(
     run: RunOptions,
     on_event: OnEvent,
 ) -> tuple[int, Light, int]:
-    """Write the pictures as a film; returns how many, the film's light and the bytes written.
+    """Write the pictures as a film; returns the count, the light levels and the bytes written.
 
-    `gate` is None for what goes on at once. A reader that closes its pipe ends the film there.
+    `gate` is None for a pipe. A reader that closes its pipe ends the film there.
     """
     chroma = options.chroma or default_chroma(options.codec)
     spec = FilmSpec(
@@ -78,7 +78,7 @@ def write_film(
                     on_event(FrameDone(frame.number, count, len(pictures.numbers)))
                 writer.finish(light)
             except ReaderLeftError:
-                on_event(Warned(f"the reader left after {counted(count, 'frame')}"))
+                on_event(Warned(f"the reader closed the pipe after {counted(count, 'frame')}"))
     finally:
         shown.close()  # type: ignore[attr-defined]  # whoever maps, it is a generator
     size = writer.bytes_written if isinstance(writer, Y4mWriter) else output.stat().st_size
@@ -123,13 +123,13 @@ def _messages(pictures: Pictures, options: PreviewOptions) -> dict[int, bytes]:
 
 
 def crf_of(options: PreviewOptions) -> float | None:
-    """The number that `high` stands for, or the one that was given."""
-    # ProRes is of high quality without being asked.
+    """The CRF that `high` stands for, or the one given."""
+    # ProRes always has high quality.
     return HIGH_CRF.get(options.codec) if options.crf == "high" else options.crf
 
 
 def check_film_options(output: Path, options: PreviewOptions) -> None:
-    """Raise UsageError for options that the kind of film has no use for."""
+    """Raise UsageError for options that do not apply to this kind of film."""
     if options.hdr10plus is not None:
         if options.view != "hdr10" or options.display_peak is not None:
             raise UsageError(
@@ -143,13 +143,13 @@ def check_film_options(output: Path, options: PreviewOptions) -> None:
             )
     if not is_y4m(output):
         if options.depth != "10":
-            raise UsageError("films have 10 bits", remedy="8 bits are for .y4m.")
+            raise UsageError("films have 10 bits", remedy="8 bits are for .y4m only.")
         check_speed(options.codec, options.speed)
         return
     if options.crf is not None or options.speed is not None:
-        raise UsageError("y4m is not compressed", remedy="Leave --crf and --speed to the encoder.")
+        raise UsageError("Y4M is not compressed", remedy="Set --crf and --speed in the encoder.")
     if options.depth == "8" and signal_of(options) != "sdr":
-        raise UsageError("HDR needs 10 bits", remedy="8 bits are for --as sdr and its like.")
+        raise UsageError("HDR needs 10 bits", remedy="8 bits are for SDR views, such as --as sdr.")
 
 
 def _with_durations(
@@ -164,7 +164,7 @@ def _with_durations(
 
 
 def _time_base(pictures: Pictures) -> Fraction:
-    """The source's unit of time where it is known, so that its stamps stay exact."""
+    """The source's time base, if known, so that its time stamps stay exact."""
     if pictures.clip is not None and is_film(pictures.clip):
         return source_time_base(pictures.clip, pictures.stream)
     rate = pictures.frame_rate.numerator

@@ -22,7 +22,7 @@ from itmo_video.words import counted
 
 
 def from_clip(source: Path, settings: Settings, run: RunOptions) -> Pictures:
-    """The pictures of a clip, converted on the fly; raises what `convert` would."""
+    """The pictures of a clip, converted on the fly; raises what `convert` raises."""
     look = make_look(settings)
     wanted: Sequence[int]
     clip: Clip

@@ -19,16 +19,16 @@ from itmo_video.source.opening import frames_at
 
 
 def from_folder(folder: Converted, clip: Path | None, run: RunOptions) -> Pictures:
-    """The pictures of a converted folder, read in order; `clip` is its source where it is needed.
+    """The pictures of a converted folder, read in order; `clip` is its source, if needed.
 
-    Raises InputError where the clip is another one, UsageError for frames that are not there.
+    Raises InputError if it is another clip, UsageError for missing frames.
     """
     numbers = folder.numbers
     if run.frames is not None:
         asked = parse_ranges(run.frames)
         if outside := sorted(set(asked) - set(numbers)):
             raise UsageError(
-                f"frames {format_ranges(outside)} are not there", where=str(folder.path)
+                f"frames {format_ranges(outside)} are not in the folder", where=str(folder.path)
             )
         numbers = sorted(asked)
     source = folder.open_source(clip, run.max_pixels) if clip is not None else None

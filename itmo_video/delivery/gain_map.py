@@ -1,7 +1,7 @@
-"""Gain-map stills: an SDR JPEG whose second picture says how much brighter HDR displays show it.
+"""Gain-map stills: an SDR JPEG with a second picture that raises it to HDR on HDR displays.
 
-Both forms of metadata: ISO 21496-1 (binary), and Adobe's and Android's XMP ("Ultra HDR", version
-1.0), which say the same. Pure but for the JPEG encoder.
+Both forms of metadata are written: ISO 21496-1 (binary), and the XMP of Adobe and Android ("Ultra
+HDR", version 1.0), with the same content. Pure except for the JPEG encoder.
 """
 
 from __future__ import annotations
@@ -18,16 +18,16 @@ from itmo_video.colour.transfer import eotf, inverse_eotf
 from itmo_video.delivery import jpeg_container
 from itmo_video.model import Float32
 
-OFFSET = 1 / 64  # k of both renditions, as Android writes it: exact in binary
+OFFSET = 1 / 64  # k of both renditions, as in Android: exact in binary
 BASE_QUALITY, MAP_QUALITY = 95, 92
 _MULTICHANNEL, _BASE_SPACE = 1 << 7, 1 << 6
 
 
 @dataclass(frozen=True)
 class GainMapMetadata:
-    """What a gain map's codes mean, in stops: code 0 is `lowest`, 255 `highest`.
+    """The scale of a gain map's codes in stops: code 0 is `lowest`, 255 `highest`.
 
-    `headroom` is the display's, over SDR white, from which on the whole gain is shown.
+    `headroom` is the display headroom over SDR white from which the full gain is applied.
     """
 
     lowest: float
@@ -47,7 +47,7 @@ class GainMapMetadata:
         return head + _fraction(0, False) + _fraction(self.headroom, False) + 3 * channel
 
     def xmp(self) -> bytes:
-        """The gain map's own XMP packet."""
+        """The gain map's XMP packet."""
         return jpeg_container.xmp_packet(
             'xmlns:hdrgm="http://ns.adobe.com/hdr-gain-map/1.0/" hdrgm:Version="1.0" '
             f'hdrgm:GainMapMin="{self.lowest:.6f}" hdrgm:GainMapMax="{self.highest:.6f}" '
@@ -58,10 +58,10 @@ class GainMapMetadata:
 
 
 def gain_map_jpeg(sdr_linear: Float32, hdr_linear: Float32, peak: float) -> bytes:
-    """A gain-map JPEG of two renditions, (H, W, 3) linear BT.709, 1.0 = SDR white in both.
+    """A gain-map JPEG from two renditions, (H, W, 3) linear BT.709, 1.0 = SDR white in both.
 
-    `peak` is the HDR rendition's maximum. The map is made against the base as it decodes, so that
-    the base's losses are not in the HDR picture; it has full size and three channels.
+    `peak` is the HDR rendition's maximum. The map is relative to the base as decoded, so that the
+    base's compression losses do not affect the HDR picture; it has full size and three channels.
     """
     base_codes = np.asarray(
         np.round(inverse_eotf(np.clip(sdr_linear, 0, 1), "srgb") * 255), np.uint8
@@ -89,7 +89,7 @@ def _jpeg(rgb: npt.NDArray[np.uint8], quality: int) -> bytes:
 
 
 def _rounded(stops: float) -> float:
-    """To what both forms of metadata hold exactly alike."""
+    """Rounded to a value that both forms of metadata represent exactly."""
     return round(stops, 6)
 
 

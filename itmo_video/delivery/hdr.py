@@ -1,4 +1,4 @@
-"""From linear HDR to 10-bit PQ or HLG codes, and the light levels that HDR10 metadata states.
+"""Encoding linear HDR to 10-bit PQ or HLG codes, and measuring HDR10's light levels.
 
 Pure: arrays in, arrays out. Planes are (height, width); linear light is in nits (cd/m2).
 """
@@ -27,14 +27,14 @@ Planes: TypeAlias = tuple[Float32, Float32, Float32]
 # cv2.pow is 20 times slower at 0
 _POWER_FLOOR = 1e-12
 _NOISE_TILE = 256
-_STRIP_ROWS = 32  # even; a strip's planes stay in a core's second-level cache: 3 times faster
+_STRIP_ROWS = 32  # even; a strip's planes fit into a core's L2 cache: 3 times faster
 
 
 @dataclass(frozen=True)
 class Light:
-    """Light levels in nits: the largest and the mean of max(R, G, B) over one frame or a film's.
+    """Light levels in nits: the peak and the average of max(R, G, B) of one frame or a film.
 
-    Of a frame, `peak` and `average`; of a film MaxCLL and MaxFALL (CTA-861.3, annex P).
+    For a film, `peak` is MaxCLL and `average` is MaxFALL (CTA-861.3, annex P).
     """
 
     peak: float
@@ -42,13 +42,13 @@ class Light:
 
     @property
     def as_integers(self) -> tuple[int, int]:
-        """(MaxCLL, MaxFALL) as metadata holds them: whole nits, 1 to 65535 (0 means unknown)."""
+        """(MaxCLL, MaxFALL) as metadata stores them: whole nits, 1 to 65535 (0 means unknown)."""
         cll, fall = (min(max(round(value), 1), 65535) for value in (self.peak, self.average))
         return cll, fall
 
 
 def film_light(frames: Iterable[Light]) -> Light:
-    """MaxCLL and MaxFALL of a film from its frames' light; zeros for no frame at all."""
+    """MaxCLL and MaxFALL of a film from its frames' light; zeros without frames."""
     peak = average = 0.0
     for light in frames:
         peak, average = max(peak, light.peak), max(average, light.average)
@@ -56,7 +56,7 @@ def film_light(frames: Iterable[Light]) -> Light:
 
 
 def frame_light(nits: Planes) -> Light:
-    """Light of one frame from its R, G, B in nits: maximum and mean of maxRGB (CTA-861.3)."""
+    """The light levels of one frame from its R, G, B in nits (CTA-861.3)."""
     largest = cv2.max(cv2.max(nits[0], nits[1]), nits[2])
     return Light(float(cv2.minMaxLoc(largest)[1]), float(cv2.mean(largest)[0]))
 
@@ -64,11 +64,11 @@ def frame_light(nits: Planes) -> Light:
 def to_nits_2020(
     rgb: Sequence[Half | Float32], primaries: str, white_nits: float, peak_nits: float
 ) -> Planes:
-    """Linear RGB, 1.0 = `white_nits`, as BT.2020 R, G, B in nits, limited to [0, `peak_nits`].
+    """Linear RGB, 1.0 = `white_nits`, as BT.2020 R, G, B in nits, clamped to [0, `peak_nits`].
 
     `primaries` are names of colour.CHROMATICITIES; three float32 planes of the input's shape.
     """
-    planes = [cv2.subtract(plane, 0.0, dtype=cv2.CV_32F) for plane in rgb]  # the quickest way
+    planes = [cv2.subtract(plane, 0.0, dtype=cv2.CV_32F) for plane in rgb]  # the fastest way
     matrix = rgb_to_rgb_matrix(primaries, "rec2020") * white_nits
     out = []
     for red, green, blue in matrix.tolist():
@@ -79,10 +79,10 @@ def to_nits_2020(
 
 
 def encode_nits(nits: Planes, curve: Curve, peak_nits: float) -> Planes:
-    """Nonlinear R'G'B', 0 to 1, of BT.2020 R, G, B in nits; `peak_nits` matters to HLG only.
+    """BT.2020 R, G, B in nits as nonlinear R'G'B', 0 to 1; `peak_nits` affects HLG only.
 
-    Fast: the curve is looked up by the bits of a half float, which is 20 times finer than a 10-bit
-    PQ step.
+    For speed, the curve is looked up by the bits of a half float, which is 20 times finer than a
+    10-bit PQ step.
     """
     if curve == "hlg":
         nits = _hlg_scene(nits, peak_nits)
@@ -90,7 +90,7 @@ def encode_nits(nits: Planes, curve: Curve, peak_nits: float) -> Planes:
 
 
 def encode_plane(light: Float32, curve: Curve) -> Float32:
-    """The curve of each value, looked up: PQ of nits, HLG's OETF of scene light from 0 to 1."""
+    """Look up the curve: PQ for nits, HLG's OETF for scene light from 0 to 1."""
     return _shaped(cv2.LUT(_half_bits(light), _curve_table(curve)), light.shape)
 
 
@@ -102,11 +102,12 @@ def to_ycbcr(
     first_row: int = 0,
     bit_depth: int = 10,
 ) -> YCbCr:
-    """Limited-range Y'CbCr of nonlinear R'G'B'; the size must be even where it is halved.
+    """Nonlinear R'G'B' as limited-range Y'CbCr; subsampled dimensions must be even.
 
-    Chroma is sited left (MPEG-2's way, H.273 type 0) and filtered by 1-2-1 across. Dithered before
-    rounding, by noise that depends on the frame's index and the place alone. A strip that begins at
-    an even `first_row` gives the same rows as the whole frame. BT.2100-2, tables 6 and 9.
+    Chroma is sited left (as in MPEG-2, H.273 type 0) and filtered by 1-2-1 horizontally. Dithered
+    before rounding, with noise that depends only on the frame's index and the position. A strip
+    that starts at an even `first_row` gives the same rows as the whole frame. BT.2100-2, tables 6
+    and 9.
     """
     kr, kb = LUMINANCE_KR_KB[matrix]
     red, green, blue = rgb_code
@@ -133,8 +134,8 @@ def master_frame(
 ) -> tuple[YCbCr, Light]:
     """Codes and light of one frame: `to_nits_2020`, `frame_light`, `encode_nits`, `to_ycbcr`.
 
-    The same as those four by the frame, done strip by strip; odd sizes are padded to even ones.
-    `shown` is done to the nits first, pixel by pixel.
+    Equivalent to these four on the whole frame, but done in strips; odd sizes are padded to even
+    ones. `shown` is applied to the nits first, pixel by pixel.
     """
     height, width = rgb[0].shape
     padded: tuple[Any, ...] = pad_even(rgb)
@@ -159,7 +160,7 @@ def master_frame(
 
 
 def pad_even(planes: Sequence[Any], *, rows: bool = True) -> Any:
-    """The planes with their last column (and row) repeated where width (height) is odd."""
+    """The planes with their last column (row) repeated if the width (height) is odd."""
     height, width = planes[0].shape
     down, right = height % 2 if rows else 0, width % 2
     if not (down or right):
@@ -170,7 +171,7 @@ def pad_even(planes: Sequence[Any], *, rows: bool = True) -> Any:
 
 
 def _hlg_scene(nits: Planes, peak_nits: float) -> Planes:
-    """Scene light, 0 to 1, of display light: BT.2100's inverse OOTF, without black lift."""
+    """Display light to scene light, 0 to 1: BT.2100's inverse OOTF, without black lift."""
     r, g, b = luminance_weights("rec2020")
     y = cv2.scaleAdd(nits[2], b, cv2.addWeighted(nits[0], r, nits[1], g, 0))
     y = cv2.max(cv2.multiply(y, 1 / peak_nits), _POWER_FLOOR)
@@ -207,24 +208,24 @@ def _subsampled(plane: Any, chroma: Chroma) -> Any:
 def _quantised(
     plane: Any, scale: float, offset: float, index: int, salt: int, row: int, bit_depth: int
 ) -> Codes10:
-    """Dithered codes; `scale` and `offset` are those of 10 bits."""
+    """Dithered codes; `scale` and `offset` are for 10 bits."""
     step = 2.0 ** (bit_depth - 10)
     height, width = plane.shape
     noise = _noise(-(-height // _NOISE_TILE), -(-width // _NOISE_TILE))
-    # A window that moves from frame to frame: noise that stands still is seen as dirt.
+    # The noise moves from frame to frame, as static noise looks like dirt.
     x = (index * 97 + salt * 31) % _NOISE_TILE
     y = (index * 57 + salt * 83 + row) % _NOISE_TILE
     window = noise[y : y + height, x : x + width]
     codes = np.asarray(cv2.scaleAdd(plane, scale * step, window))
     codes += np.float32(offset * step)
-    # 0 to 3 and 1020 to 1023 are for synchronisation in 10-bit video, as 0 and 255 are in 8 bits.
+    # 0 to 3 and 1020 to 1023 are reserved for synchronisation in 10-bit video, 0 and 255 in 8 bits.
     np.clip(codes, np.float32(4 * step), np.float32(1019.75 * step) // 1, out=codes)
     return np.asarray(np.rint(codes, out=codes), np.uint16)
 
 
 @functools.lru_cache(maxsize=4)
 def _noise(rows: int, columns: int) -> Float32:
-    """Uniform noise of one code's width, which keeps the mean exactly; one tile more each way."""
+    """Uniform noise of one code's width, which keeps the mean exactly; one extra tile each way."""
     tile = np.random.default_rng(20061130).uniform(-0.5, 0.5, (_NOISE_TILE, _NOISE_TILE))
     return np.tile(tile.astype(np.float32), (rows + 1, columns + 1))
 

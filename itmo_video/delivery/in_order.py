@@ -1,4 +1,4 @@
-"""Frames made by several threads, handed on in presentation order with bounded memory."""
+"""Passing on frames from several threads in presentation order with bounded memory."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ T = TypeVar("T")
 
 
 class Closed(Exception):  # noqa: N818 - not an error: the reader has left
-    """Nobody takes frames any more."""
+    """The reader has left."""
 
 
 class InOrder(Generic[T]):
-    """A reorder buffer: `plan` says what comes in which order, `put` brings it, iteration takes it.
+    """A reorder buffer: `plan` announces the order, `put` adds a frame, iteration takes them.
 
-    A thread that is more than `capacity` frames ahead of the reader waits in `put`. The thread that
-    holds the frame wanted next never does, so somebody always goes on.
+    A thread that is more than `capacity` frames ahead of the reader waits in `put`. The thread with
+    the next frame never waits, so there is always progress.
     """
 
     def __init__(self, capacity: int) -> None:
@@ -32,7 +32,7 @@ class InOrder(Generic[T]):
         self._error: BaseException | None = None
 
     def plan(self, indices: Sequence[int]) -> None:
-        """Announce the next frames; must come before any of them is put."""
+        """Announce the next frames, before any of them is put."""
         with self._changed:
             for index in indices:
                 self._ranks[index] = self._planned
@@ -40,7 +40,7 @@ class InOrder(Generic[T]):
                 self._expected.append(index)
 
     def put(self, index: int, item: T) -> None:
-        """Bring a frame; waits while too far ahead, raises Closed once the reader has left."""
+        """Add a frame; waits while too far ahead, raises Closed once the reader has left."""
         with self._changed:
             rank = self._ranks[index]
             self._changed.wait_for(lambda: self._closed or rank - self._taken < self._capacity)
@@ -50,13 +50,13 @@ class InOrder(Generic[T]):
             self._changed.notify_all()
 
     def finish(self, error: BaseException | None = None) -> None:
-        """No more frames will come; the reader gets `error` after those that are in order."""
+        """Mark the end; the reader gets `error`, if any, after the frames in order."""
         with self._changed:
             self._finished, self._error = True, error
             self._changed.notify_all()
 
     def close(self) -> None:
-        """The reader leaves: whoever waits in `put` gets Closed."""
+        """Mark the reader as gone: threads waiting in `put` get Closed."""
         with self._changed:
             self._closed = True
             self._ready.clear()
@@ -84,10 +84,10 @@ class InOrder(Generic[T]):
 def run_in_order(
     make: Callable[[InOrder[T]], None], capacity: int, on_leave: Callable[[], None] = lambda: None
 ) -> Iterator[T]:
-    """Yield in order what `make`, run in a thread of its own, plans and puts; raises what it does.
+    """Run `make` in its own thread and yield in order what it plans and puts; raises its errors.
 
-    When the reader stops early `make` is told by Closed out of `put`, and waited for; `on_leave` is
-    called before, to end what else it may wait for.
+    If the reader stops early, `make` gets Closed from `put` and is waited for; `on_leave` is called
+    first, to end anything else it may wait for.
     """
     buffer: InOrder[T] = InOrder(capacity)
 

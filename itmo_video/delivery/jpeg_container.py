@@ -8,13 +8,13 @@ _APP1, _APP2 = 0xE1, 0xE2
 _XMP = b"http://ns.adobe.com/xap/1.0/\0"
 _ISO = b"urn:iso:std:iso:ts:21496:-1\0"
 _MPF = b"MPF\0"
-_ISO_VERSION = struct.pack(">2H", 0, 0)  # in the first picture: least and writer's version alone
+_ISO_VERSION = struct.pack(">2H", 0, 0)  # in the first picture: minimum and writer version only
 _MPF_BYTES = 4 + 8 + 2 + 3 * 12 + 4 + 2 * 16  # mark, header, one directory of three, two entries
 _PRIMARY = 0x030000  # a baseline primary picture
 
 
 def xmp_packet(attributes: str, inside: str = "") -> bytes:
-    """An XMP packet of one description with these attributes."""
+    """An XMP packet with one description that has these attributes."""
     return (
         '<x:xmpmeta xmlns:x="adobe:ns:meta/" x:xmptk="itmo_video">'
         '<rdf:RDF xmlns:rdf="http://www.w3.org/1999/02/22-rdf-syntax-ns#">'
@@ -24,7 +24,7 @@ def xmp_packet(attributes: str, inside: str = "") -> bytes:
 
 
 def joined(base: bytes, gain_map: bytes, map_xmp: bytes, map_iso: bytes) -> bytes:
-    """The base JPEG with its gain map behind it, each found through all three segments."""
+    """The base JPEG followed by its gain map, which all three segments refer to."""
     second = _with_segments(
         gain_map, _segment(_APP1, _XMP + map_xmp) + _segment(_APP2, _ISO + map_iso)
     )
@@ -32,7 +32,7 @@ def joined(base: bytes, gain_map: bytes, map_xmp: bytes, map_iso: bytes) -> byte
     told += _segment(_APP2, _ISO + _ISO_VERSION)
     mpf_bytes = 4 + _MPF_BYTES
     first_bytes = len(base) + len(told) + mpf_bytes
-    # Offsets count from the directory's header, behind marker, length and mark.
+    # Offsets count from the directory's header, after marker, length and identifier.
     header_at = _head_bytes(base) + len(told) + 4 + len(_MPF)
     mpf = _mpf(first_bytes, len(second), first_bytes - header_at)
     first = _with_segments(base, told + _segment(_APP2, _MPF + mpf))
@@ -41,7 +41,7 @@ def joined(base: bytes, gain_map: bytes, map_xmp: bytes, map_iso: bytes) -> byte
 
 
 def _directory(map_bytes: int) -> bytes:
-    """The base's XMP: Google's container directory, and that there is a gain map."""
+    """The base's XMP: Google's container directory, which lists the gain map."""
     item = '<rdf:li rdf:parseType="Resource"><Container:Item Item:Mime="image/jpeg" {}/></rdf:li>'
     items = item.format('Item:Semantic="Primary"') + item.format(
         f'Item:Semantic="GainMap" Item:Length="{map_bytes}"'
@@ -72,7 +72,7 @@ def _segment(marker: int, payload: bytes) -> bytes:
 
 
 def _head_bytes(jpeg: bytes) -> int:
-    """Where segments may be put in: behind the start and JFIF's APP0."""
+    """The position to insert segments at: after SOI and JFIF's APP0."""
     if jpeg[2:4] == b"\xff\xe0":
         return 4 + int.from_bytes(jpeg[4:6], "big")
     return 2

@@ -1,4 +1,4 @@
-"""Words on pictures: labels on plates, and text for legends, in the font that Pillow carries.
+"""Text on pictures: labels on plates, and legends, in the font included in Pillow.
 
 Pictures are (H, W, 3) float32, linear or not; 1.0 is written as white.
 """
@@ -18,11 +18,11 @@ Picture = npt.NDArray[np.float32]
 Side = Literal["left", "right"]
 
 _SMALLEST_PX = 9
-_PLATE = np.float32(0.25)  # what is left of the picture's light behind a label
+_PLATE = np.float32(0.25)  # the share of the picture's light kept behind a label
 
 
 def label_size(picture: Picture) -> int:
-    """The height of a label's letters in pixels: small, but read from where a film is watched."""
+    """The height of a label's letters in pixels: small, but legible at viewing distance."""
     height, width = picture.shape[:2]
     return max(_SMALLEST_PX, min(int(height), int(width)) // 28)
 
@@ -30,7 +30,7 @@ def label_size(picture: Picture) -> int:
 def labelled(picture: Picture, texts: Sequence[str], side: Side = "left") -> Picture:
     """A copy with the first of `texts` that fits in a bottom corner, on a darkened plate.
 
-    `texts` go from the longest to the shortest, which is cut where even that one does not fit.
+    `texts` go from longest to shortest; the last is truncated if it does not fit either.
     """
     height, width = picture.shape[:2]
     size = label_size(picture)
@@ -48,7 +48,7 @@ def labelled(picture: Picture, texts: Sequence[str], side: Side = "left") -> Pic
 
 
 def write(picture: Picture, mask: Float32, at: tuple[int, int], ink: Sequence[float]) -> None:
-    """Lay `ink` on the picture by `mask`, its top left corner `at` (x, y); cut at the edge."""
+    """Blend `ink` into the picture by `mask`, with its top left corner `at` (x, y), cropped."""
     x, y = at
     target = picture[y : y + mask.shape[0], x : x + mask.shape[1]]
     cover = mask[: target.shape[0], : target.shape[1], None]
@@ -57,7 +57,7 @@ def write(picture: Picture, mask: Float32, at: tuple[int, int], ink: Sequence[fl
 
 @functools.lru_cache(maxsize=256)
 def text_mask(text: str, size_px: int) -> Float32:
-    """How far each pixel is covered by the text, 0 to 1; as high for all texts of one size."""
+    """The coverage of each pixel by the text, 0 to 1; all texts of one size have one height."""
     from PIL import Image, ImageDraw, ImageFont
 
     font = ImageFont.load_default(size_px)

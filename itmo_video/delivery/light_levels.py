@@ -1,4 +1,4 @@
-"""The light levels that HDR10 states, before anything is encoded, and as encoders' options."""
+"""HDR10's light levels, measured without encoding, and as options for encoders."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ def film_light_levels(
     run: RunOptions,
     on_event: OnEvent = ignore,
 ) -> tuple[Light, float]:
-    """MaxCLL and MaxFALL of a clip or a folder as `preview` makes it, and its peak, all in nits.
+    """MaxCLL, MaxFALL and the peak, in nits, of a clip or a folder as rendered by `preview`.
 
-    Without `settings` a clip is by the preset `default`; a folder has its own. Every frame is
-    rendered, none is kept. Raises what `preview` does: DamagedInputError where not all frames were
-    looked at, as the numbers would not be the film's.
+    Without `settings` a clip uses the preset `default`; a folder has its own. Every frame is
+    rendered, none is kept. Raises what `preview` raises; DamagedInputError if any frame is missing,
+    as the numbers would not be the film's.
     """
     pictures = pictures_of(Path(source), settings, run)
     for notice in pictures.notices:
@@ -60,12 +60,12 @@ def pictures_of(source: Path, settings: Settings | None, run: RunOptions) -> Pic
 
 
 def mastering(peak_nits: float) -> Mastering:
-    """The display that is stated: P3-D65, with this peak."""
+    """The stated mastering display: P3-D65 with this peak."""
     return Mastering(CHROMATICITIES["p3d65"], peak_nits)
 
 
 def encoder_options(light: Light, peak_nits: float) -> str:
-    """Options for encoders of a PQ film from y4m, a line each, ready for a shell."""
+    """Options for encoding a PQ film from Y4M, one line per encoder, ready for a shell."""
     stated = mastering(peak_nits)
     cll, fall = light.as_integers
     display, svt = shlex.quote(stated.for_x265()), shlex.quote(stated.for_svt())

@@ -1,6 +1,6 @@
-"""Log encodings for grading: ACEScct and ARRI's LogC3, from linear light by published formulas.
+"""Log encodings for grading, from linear light: ACEScct and ARRI LogC3, as published.
 
-1.0 is SDR white, which stands for a perfect diffuser: scene-linear 1.0.
+1.0 is SDR white, taken as a perfect diffuser (scene-linear 1.0).
 """
 
 from __future__ import annotations
@@ -25,14 +25,14 @@ TOLD: dict[LogCurve, str] = {
 
 
 def acescct(linear: Float64 | Float32) -> Float64:
-    """ACEScct's value of linear AP1 light (AMPAS S-2016-001, 4.4): 0.18 gives 0.4136."""
+    """ACEScct of linear AP1 light (AMPAS S-2016-001, 4.4): 0.18 gives 0.4136."""
     x = np.asarray(linear, np.float64)
     log = (np.log2(np.maximum(x, 0.0078125)) + 9.72) / 17.52
     return np.where(x <= 0.0078125, 10.5402377416545 * x + 0.0729055341958355, log)
 
 
 def logc3(linear: Float64 | Float32) -> Float64:
-    """LogC3's value of linear scene light, EI 800 (ARRI 2012, V3): 0.18 gives 0.3910."""
+    """LogC3 of linear scene light, EI 800 (ARRI 2012, V3): 0.18 gives 0.3910."""
     a, b, c, d, e, f, cut = 5.555556, 0.052272, 0.247190, 0.385537, 5.367655, 0.092809, 0.010591
     x = np.asarray(linear, np.float64)
     log = c * np.log10(a * np.maximum(x, cut) + b) + d
@@ -40,7 +40,7 @@ def logc3(linear: Float64 | Float32) -> Float64:
 
 
 def log_codes(rgb: Sequence[Half | Float32], primaries: str, curve: LogCurve) -> Planes:
-    """Nonlinear R', G', B' in the curve's own primaries of linear planes; white at about 0.55.
+    """Linear planes as nonlinear R', G', B' in the curve's primaries; white is about 0.55.
 
     The curve is looked up by the bits of a half float, 20 times finer than a 10-bit step.
     """

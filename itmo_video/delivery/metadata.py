@@ -1,8 +1,8 @@
-"""HDR10's static metadata: what encoders are given, and what is completed once a film is finished.
+"""HDR10's static metadata: options for encoders, and completing the finished film.
 
-MaxCLL and MaxFALL are known when the last frame has been made, but encoders want them before the
-first. They are given a placeholder, and the finished file's placeholders are written over in place:
-so a film costs one rendering, not two. Containers of the MP4 family get `mdcv` and `clli` boxes.
+MaxCLL and MaxFALL are known after the last frame, but encoders need them before the first. They get
+placeholders, which are overwritten in place in the finished file, so that a film is rendered once,
+not twice. Containers of the MP4 family also get `mdcv` and `clli` boxes.
 """
 
 from __future__ import annotations
@@ -15,10 +15,10 @@ from typing import BinaryIO
 
 from itmo_video.delivery.hdr import Light
 
-# A light level of 42405 nits, average 58025: no real film, and no byte 0 that would be escaped.
+# 42405 nits, average 58025: no real film has these, and they have no zero bytes to be escaped.
 PLACEHOLDER = (0xA5A5, 0xE2A9)
 _PLACED = struct.pack(">2H", *PLACEHOLDER)
-# Whole units, so that a stray four bytes of picture data are never taken for metadata: an SEI NAL
+# Complete units, so that four bytes of picture data are never mistaken for metadata: an SEI NAL
 # unit with payload 144 of 4 bytes and its stop bit (H.265 D.2.35); an OBU of type 5, size 6, with
 # metadata_type 1 and its trailing bit (AV1 5.8.2).
 _UNITS = {
@@ -51,7 +51,7 @@ class Mastering:
         )
 
     def box(self) -> bytes:
-        """The payload of an `mdcv` box or PNG's mDCV chunk without its order: see callers."""
+        """The payload of an `mdcv` box or PNG's mDCV chunk, in the order given by callers."""
         rx, ry, gx, gy, bx, by, wx, wy = (round(v * 50000) for v in self.chromaticities)
         top, low = in_32_bits(self.peak_nits), in_32_bits(self.black_nits)
         return struct.pack(">8H2I", gx, gy, bx, by, rx, ry, wx, wy, top, low)
@@ -63,15 +63,15 @@ class Mastering:
 
 
 def in_32_bits(nits: float) -> int:
-    """1/10000 nit, as the field has it: 429,496.7295 nits at most."""
+    """The field's value in 1/10000 nit, at most 429,496.7295 nits."""
     return min(round(nits * 10000), 2**32 - 1)
 
 
 def complete_light(path: Path, codec: str, light: Light) -> int:
-    """Write MaxCLL and MaxFALL over the placeholders of a finished file; returns how many.
+    """Overwrite the placeholders of a finished file with MaxCLL and MaxFALL; returns the number.
 
-    Lengths stay, so offsets and indices of any container stay right. Codecs without such units
-    (ProRes) give 0.
+    Lengths do not change, so offsets and indices of any container stay valid. For codecs without
+    such units (ProRes) the number is 0.
     """
     if codec not in _UNITS:
         return 0
@@ -89,8 +89,8 @@ def complete_light(path: Path, codec: str, light: Light) -> int:
 def add_boxes(path: Path, mastering: Mastering, light: Light) -> bool:
     """Append `mdcv` and `clli` boxes to the video sample entry of a finished MP4 or MOV file.
 
-    The `moov` box must come last, as it does unless "fast start" is asked for: then nothing that
-    an offset points to moves. Returns whether they were added (ISO/IEC 14496-12, 12.1.6 and .7).
+    The `moov` box must come last, as it does without "fast start", so that no offset's target
+    moves. Returns whether they were added (ISO/IEC 14496-12, 12.1.6 and .7).
     """
     cll, fall = light.as_integers
     boxes = _box(b"mdcv", mastering.box()) + _box(b"clli", struct.pack(">2H", cll, fall))
@@ -113,9 +113,9 @@ _ENTRY_HEAD = 86  # of a VisualSampleEntry: box header and fixed fields
 
 
 def _unescaped(light: Light) -> tuple[int, int]:
-    """The two numbers, MaxCLL raised by one nit where H.265 would have to escape zeros in them.
+    """The two numbers, with MaxCLL raised by one nit if H.265 would have to escape zeros.
 
-    An escape would lengthen the unit. It takes MaxCLL a multiple of 256 and MaxFALL below 4.
+    An escape would lengthen the unit. It occurs if MaxCLL is a multiple of 256 and MaxFALL < 4.
     """
     cll, fall = light.as_integers
     return (cll + 1 if cll % 256 == 0 and fall < 4 else cll), fall
@@ -161,7 +161,7 @@ def _last_box(file: BinaryIO) -> tuple[int, bytes] | None:
 
 
 def _grown(box: bytes, path: tuple[bytes, ...], boxes: bytes) -> bytes | None:
-    """The box with `boxes` appended to the video entry below it; None where there is none."""
+    """The box with `boxes` appended to the video entry within it; None if there is none."""
     if box[4:8] != path[0]:
         return None
     is_last = len(path) == 1
@@ -175,7 +175,7 @@ def _grown(box: bytes, path: tuple[bytes, ...], boxes: bytes) -> bytes | None:
         if not done:
             if is_last:
                 wanted = child[4:8] in _VIDEO_ENTRIES and size >= _ENTRY_HEAD
-                # QuickTime may end an entry by four zero bytes, where readers would stop.
+                # QuickTime may end an entry with four zero bytes, where readers would stop.
                 trimmed = child[:-4] if child.endswith(b"\0\0\0\0") and _ends(child) else child
                 grown = _resized(trimmed + boxes) if wanted else None
             else:
@@ -188,7 +188,7 @@ def _grown(box: bytes, path: tuple[bytes, ...], boxes: bytes) -> bytes | None:
 
 
 def _ends(entry: bytes) -> bool:
-    """Whether the entry's child boxes leave exactly four bytes over."""
+    """Whether exactly four bytes follow the entry's child boxes."""
     position = _ENTRY_HEAD
     while position + 8 <= len(entry):
         position += max(8, struct.unpack_from(">I", entry, position)[0])

@@ -1,4 +1,4 @@
-"""Where previews get their pictures from: a clip converted on the fly, or a converted folder."""
+"""The pictures for previews: of a clip converted on the fly, or of a converted folder."""
 
 from __future__ import annotations
 
@@ -32,12 +32,11 @@ Work = Callable[[Picture], T]
 
 @dataclass
 class Pictures:
-    """A film's pictures and what is said of all of them; `mapped` makes something of each.
+    """A film's pictures and facts about all of them; `mapped` processes each.
 
-    `stream` is the number of the source's video stream that was asked for. `last_length_s` is how
-    long the last one is shown, None for as long as one is at `frame_rate`. `damage` is filled
-    while they are made: what was cut short or missing; `notices` is what should be reported
-    before.
+    `stream` is the requested number of the source's video stream. `last_length_s` is the duration
+    of the last picture, None for the regular one at `frame_rate`. `damage` is filled during
+    rendering: what was truncated or missing; `notices` should be reported first.
     """
 
     size: tuple[int, int]
@@ -55,5 +54,5 @@ class Pictures:
     notices: tuple[str, ...] = ()
 
     def mapped(self, work: Work[T]) -> Iterator[T]:
-        """`work` of each picture in presentation order; it runs in several threads at once."""
+        """Yield `work` of each picture in presentation order; `work` runs in several threads."""
         return self._mapped(work)

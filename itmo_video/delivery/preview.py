@@ -1,7 +1,7 @@
-"""The edge of delivery: a clip or a converted folder to a film or a still to look at.
+"""Running a preview: from a clip or a converted folder to a film or a still.
 
-A film costs one rendering: workers render, measure and convert to codes, the calling thread encodes
-them in order, and MaxCLL and MaxFALL are completed in the finished file.
+A film is rendered once: workers render, measure and convert to codes, the calling thread encodes
+them in order, and MaxCLL and MaxFALL are filled in in the finished file.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from itmo_video.words import counted
 
 @dataclass(frozen=True)
 class PreviewSummary:
-    """What a preview is: frames, seconds it took, and the film's MaxCLL and MaxFALL in nits.
+    """The result of a preview: frames, seconds taken, and the film's MaxCLL and MaxFALL in nits.
 
     >>> from itmo_video import preview
     >>> preview("clip.mkv", "film.mp4").frames
@@ -55,12 +55,12 @@ def preview(
     options: PreviewOptions | None = None,
     on_event: OnEvent = ignore,
 ) -> PreviewSummary:
-    """Make a film or a still of a clip, converted on the fly, or of a converted folder.
+    """Write a film or a still from a clip, converted on the fly, or from a converted folder.
 
-    A folder is shown as it is and its source is read as it was then; UsageError for `settings`.
-    Raises the errors of itmo_video.errors, DamagedInputError only after all that decodes was
-    written; OutputError before any work where `output` may not be written over (output.gate).
-    `on_event` is told Warned, Started, FrameDone and Finished.
+    A folder is shown as converted, and its source is read with the same settings; `settings` then
+    raise UsageError. Raises the errors of itmo_video.errors, DamagedInputError only after all that
+    can be decoded was written; OutputError before any work if `output` must not be overwritten
+    (output.gate). `on_event` is called with Warned, Started, FrameDone and Finished.
 
     >>> from itmo_video import PreviewOptions, preview
     >>> preview("clip.mkv", "frame.jpg", options=PreviewOptions(frame=2)).frames
@@ -80,21 +80,21 @@ def preview(
     if source.is_dir():
         if settings is not None or run.analysis is not None:
             raise UsageError(
-                "a converted folder is shown as it was made, whatever settings are given",
+                "settings do not apply to a converted folder, which is shown as it was converted",
                 where=str(source),
-                remedy="Leave the settings and --analysis out, or give the clip itself; for a "
-                "darker display, --display-peak N.",
+                remedy="Omit the settings and --analysis, or give the clip itself; for a "
+                "darker display, use --display-peak N.",
             )
         clip = options.clip if options.view == "compare" or is_still else None
         converted = open_converted(source)
-        if options.clip is not None and clip is None:  # of which the sound is
+        if options.clip is not None and clip is None:  # for its sound
             converted.open_source(options.clip, run.max_pixels).close()
         pictures = from_folder(converted, clip, run)
         pictures.clip = options.clip
     else:
         pictures = from_clip(source, as_settings(settings), run)
     if options.view == "compare" and source.is_dir() and options.clip is None:
-        raise UsageError("compare needs the source", remedy="Say where it is: --source CLIP.")
+        raise UsageError("--as compare needs the source", remedy="Give it with --source CLIP.")
     for notice in pictures.notices:
         on_event(Warned(notice))
     on_event(Started(str(source), str(output), len(pictures.numbers), 0))
@@ -102,8 +102,8 @@ def preview(
         assert gate is not None
         if len(pictures.numbers) != 1:
             raise UsageError(
-                f"{output.name} is a still, and there is more than one frame",
-                remedy="Say which: --frame N; or name a film, such as film.mp4.",
+                f"{output.name} is a still, but there is more than one frame",
+                remedy="Choose one with --frame N, or name a film, such as film.mp4.",
             )
         frames, light, size = 1, *write_still(pictures, gate, options)
     else:
@@ -136,8 +136,8 @@ def _check(output: Path, options: PreviewOptions) -> None:
         check_still_options(suffix, options)
     elif options.frame is not None:
         raise UsageError(
-            f"{output.name}: --frame N makes a still",
-            remedy=f"Stills are named {', '.join(STILLS)}; films .mp4, .mov, .mkv, .y4m or -.",
+            f"{output.name}: --frame N writes a still",
+            remedy=f"Stills end in {', '.join(STILLS)}; films in .mp4, .mov, .mkv, .y4m or are -.",
         )
     else:
         check_film_options(output, options)

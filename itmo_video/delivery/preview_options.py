@@ -1,4 +1,4 @@
-"""How a preview looks and is encoded: the options of `preview`."""
+"""The options of `preview`: how it looks and how it is encoded."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ OF_ENCODING = ("no_audio", "codec", "chroma", "depth", "crf", "speed")
 
 @dataclass(frozen=True)
 class PreviewOptions:
-    """How a preview looks and is encoded; `frame` (a number as in file names) asks for a still.
+    """How a preview looks and is encoded; `frame` (a number as in file names) selects a still.
 
-    Validated when made; raises UsageError.
+    Validated on creation; raises UsageError.
 
     >>> from itmo_video import PreviewOptions
     >>> PreviewOptions(view="hlg", codec="hevc", crf="high").tone_map
@@ -42,13 +42,13 @@ class PreviewOptions:
             "acescct", "logc3",
         ),
     )  # fmt: skip
-    frame: int | None = option(None, int, "make a still of this frame", lower=0, metavar="N")
+    frame: int | None = option(None, int, "write a still of this frame", lower=0, metavar="N")
     tone_map: str = option(
         "bt2390", str, "tone mapping operator of SDR views",
         choices=("bt2390", "reinhard", "hable", "aces", "clip"),
     )  # fmt: skip
     display_peak: float | None = option(
-        None, float, "hdr10: tone-map to a display of this peak in nits (BT.2390)",
+        None, float, "hdr10: tone-map for a display with this peak in nits (BT.2390)",
         lower=50, upper=10000, metavar="N",
     )  # fmt: skip
     exposure: float = option(
@@ -60,7 +60,7 @@ class PreviewOptions:
     )
     wipe_at: float = option(0.5, float, "position of the wipe", lower=0, upper=1, metavar="X")
     hdr_compare: bool = option(
-        False, bool, "make compare an HDR10 film instead of tone-mapping it", flag="in-hdr"
+        False, bool, "encode compare as HDR10 instead of tone-mapping it", flag="in-hdr"
     )
     no_labels: bool = option(False, bool, "no labels in compare")
     scale: Literal["stops", "nits"] = option(
@@ -90,12 +90,15 @@ class PreviewOptions:
     )
     crf: float | Literal["high"] | None = option(
         None, float,
-        "0 best to 63 (av1: 25, hevc: 18 of 51, AVIF: 12), or `high`: pixels are the EXRs' "
-        "nits within 2 % in the median",
+        "quality, 0 (best) to 63 (defaults: av1 25, hevc 18 of 51, AVIF 12), or `high`: "
+        "median error of nits within 2 %",
         lower=0, upper=63, words=("high",), metavar="Q", aliases=("quality",),
     )  # fmt: skip
     speed: str | None = option(
-        None, str, "encoder preset (av1: 0 slow to 13 fast, 5; hevc: fast)", metavar="PRESET"
+        None,
+        str,
+        "encoder preset (av1: 0 slow to 13 fast, default 5; hevc: default fast)",
+        metavar="PRESET",
     )
     hdr10plus: Path | None = option(
         None,
@@ -109,6 +112,6 @@ class PreviewOptions:
         for f in dataclasses.fields(self):
             view = _OF_ONE_VIEW.get(f.name)
             if view and self.view != view and getattr(self, f.name) != f.default:
-                raise UsageError(f"{flag_of(f)} is for --as {view} only", remedy="Omit it.")
+                raise UsageError(f"{flag_of(f)} applies to --as {view} only", remedy="Omit it.")
         if self.hdr_compare and self.tone_map != "bt2390":
-            raise UsageError("in-hdr shows HDR as it is", remedy="Omit --tone-map.")
+            raise UsageError("--in-hdr does not tone-map", remedy="Omit --tone-map.")

@@ -1,4 +1,4 @@
-"""HDR pictures for SDR monitors: tone-mapped back, exposures, side by side.
+"""HDR pictures for SDR monitors: tone-mapped, at several exposures, side by side.
 
 Pure: linear light in, 1.0 = SDR white; pictures out are nonlinear R'G'B' in [0, 1], float32
 (height, width, 3), BT.709 primaries.
@@ -42,7 +42,7 @@ def hable(level: Float32, peak: float) -> Float32:
 
 
 def aces(level: Float32, peak: float) -> Float32:
-    """K. Narkowicz's fit of the ACES output curve (2015); it knows no peak."""
+    """K. Narkowicz's fit of the ACES output curve (2015), which has no peak."""
     x = 0.6 * level
     return np.asarray(
         np.clip(x * (2.51 * x + 0.03) / (x * (2.43 * x + 0.59) + 0.14), 0, 1), np.float32
@@ -50,12 +50,12 @@ def aces(level: Float32, peak: float) -> Float32:
 
 
 def bt2390(level: Float32, peak: float) -> Float32:
-    """ITU-R BT.2390-10's EETF of a display whose peak is 203 nits, SDR white."""
+    """ITU-R BT.2390-10's EETF for a display whose peak is 203 nits, SDR white."""
     return np.asarray(bt2390_eetf(level * 203.0, 203.0 * peak, 203.0) / 203.0, np.float32)
 
 
 def clip(level: Float32, peak: float) -> Float32:
-    """What an SDR monitor shows: all above white is white."""
+    """Clipping, as on an SDR monitor: everything above white is white."""
     return np.minimum(level, np.float32(1))
 
 
@@ -69,7 +69,7 @@ TONE_MAPS: dict[str, Callable[[Float32, float], Float32]] = {
 
 
 def to_709(rgb: Sequence[Half | Float32], primaries: str) -> Picture:
-    """Linear RGB planes in any primaries as one (H, W, 3) float32 picture in BT.709, 0 at least."""
+    """Linear RGB planes in any primaries as one (H, W, 3) float32 picture in BT.709, >= 0."""
     picture = np.dstack([np.asarray(plane, np.float32) for plane in rgb])
     if primaries != "rec709":
         matrix = rgb_to_rgb_matrix(primaries, "rec709")
@@ -78,7 +78,7 @@ def to_709(rgb: Sequence[Half | Float32], primaries: str) -> Picture:
 
 
 def tone_mapped(linear: Picture, name: str, peak: float) -> Picture:
-    """R'G'B' of a picture brought into SDR: the curve on max(R, G, B), so hue is kept."""
+    """A picture tone-mapped to SDR R'G'B', with the curve on max(R, G, B) to keep hue."""
     level = linear.max(axis=2)
     table = _tone_table(name, peak)
     factor = cv2.LUT(np.minimum(level, 65504).astype(np.float16).view(np.uint16), table)
@@ -86,7 +86,7 @@ def tone_mapped(linear: Picture, name: str, peak: float) -> Picture:
 
 
 def encoded(linear: Picture) -> Picture:
-    """R'G'B' for a BT.1886 monitor of linear light, clipped to [0, 1]."""
+    """Linear light as R'G'B' for a BT.1886 monitor, clipped to [0, 1]."""
     return np.asarray(np.clip(linear, 1e-9, 1) ** np.float32(_GAMMA), np.float32)
 
 
@@ -96,7 +96,7 @@ def source_picture(frame: Frame) -> Picture:
 
 
 def composed(source: Picture, result: Picture, layout: Layout, wipe_at: float = 0.5) -> Picture:
-    """Source and result next to each other, or the source left of `wipe_at` (0 to 1) of the two."""
+    """Source and result side by side, or as a wipe with the source left of `wipe_at` (0 to 1)."""
     if layout == "side":
         return np.concatenate([source, result], axis=1)
     column = round(wipe_at * source.shape[1])
@@ -107,9 +107,9 @@ def composed(source: Picture, result: Picture, layout: Layout, wipe_at: float = 
 
 
 def ladder(linear: Picture, peak: float) -> Picture:
-    """Three exposures of R'G'B', each at half size: as SDR shows it, and down to `peak` in two.
+    """Three exposures as R'G'B', each at half size: as in SDR, and two down to `peak`.
 
-    The last shows the peak as white, so that all highlights can be told apart.
+    The last shows the peak as white, so that all highlights can be distinguished.
     """
     height, width = linear.shape[:2]
     size = (max(2, width // 2), max(2, height // 2))

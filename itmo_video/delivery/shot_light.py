@@ -1,6 +1,6 @@
-"""The light of a film shot by shot, as dynamic metadata describe it: over all pixels of a shot.
+"""The light levels of a film's shots, over all pixels of a shot, for dynamic metadata.
 
-Bounded: a shot is a histogram of max(R, G, B) in tenths of a nit, whatever its length.
+Memory is bounded: a shot is a histogram of max(R, G, B) in tenths of a nit, of any length.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ TENTHS = 100_000  # of a nit, PQ's 10,000
 
 @dataclass(frozen=True)
 class FrameTally:
-    """One frame's max(R, G, B): counts by tenths of a nit, and what they are too coarse for.
+    """One frame's max(R, G, B): counts by tenths of a nit, and exact values where needed.
 
     `maxima` are those of R, G and B in nits, `mean_pq` the mean of PQ's value, 0 to 1.
     """
@@ -53,7 +53,7 @@ class ShotLight:
         self.maxima_nits = (0.0, 0.0, 0.0)
 
     def add(self, frame: FrameTally) -> None:
-        """Count a frame in."""
+        """Add a frame."""
         self.frames += 1
         self._counts[: frame.counts.size] += frame.counts
         self._mean_nits += frame.light.average
@@ -73,7 +73,7 @@ class ShotLight:
         return self._mean_pq / max(1, self.frames)
 
     def percentile(self, percent: float) -> int:
-        """Tenths of a nit that this share of all pixels does not exceed."""
+        """The level in tenths of a nit that this share of all pixels does not exceed."""
         so_far = np.cumsum(self._counts)
         return int(np.searchsorted(so_far, percent / 100 * so_far[-1]))
 
@@ -84,7 +84,7 @@ class ShotLight:
 
 @dataclass(frozen=True)
 class FilmLight:
-    """A film's shots in order, its MaxCLL and MaxFALL, and the peak that it was made for."""
+    """A film's shots in order, its MaxCLL and MaxFALL, and its mastering peak."""
 
     shots: Sequence[ShotLight]
     light: hdr.Light
@@ -92,7 +92,7 @@ class FilmLight:
 
     @property
     def frames(self) -> int:
-        """How many frames the film has."""
+        """The number of frames in the film."""
         return sum(shot.frames for shot in self.shots)
 
 
@@ -103,29 +103,29 @@ def film_light_by_shots(
     on_event: OnEvent = ignore,
     edit: str | Path | None = None,
 ) -> FilmLight:
-    """Look at all frames of a clip, as `preview` would make it, or of a converted folder.
+    """Measure all frames of a clip, as rendered by `preview`, or of a converted folder.
 
     Shots are those of `run.analysis`, or those that `analyse` finds in the clip or in `edit`.
-    Raises UsageError for a folder without an analysis, and DamagedInputError where not all frames
-    were looked at.
+    Raises UsageError for a folder without an analysis, and DamagedInputError if any frame is
+    missing.
     """
     source = Path(source)
     found = run.analysis
     if source.is_dir():
         if found is None:
             raise UsageError(
-                "a folder does not say where its shots are", where=str(source),
-                remedy="Give them: --analysis FILE.json, of `itmo-video analyse CLIP --output`.",
+                "the shots of a converted folder are unknown", where=str(source),
+                remedy="Give them: --analysis FILE.json, from itmo-video analyse CLIP --output.",
             )  # fmt: skip
         converted = open_converted(source)
         if found.digest != converted.manifest.source_digest:
-            raise UsageError("the analysis is of another clip", where=found.where)
+            raise UsageError("the analysis belongs to another clip", where=found.where)
         offset = converted.first_number - found.first_number
     else:
         if is_pipe(source):
             raise UsageError(
-                "a pipe is read once, and its shots must be found first", where=str(source),
-                remedy="Give the clip as a file; --hdr10 alone reads pipes.",
+                "a pipe can be read only once, but shots must be found first", where=str(source),
+                remedy="Give the clip as a file; pipes work with --hdr10 only.",
             )  # fmt: skip
         if found is None:
             found = analyse(
@@ -136,7 +136,7 @@ def film_light_by_shots(
         first = found.first_number if run.start_number is None else run.start_number
         offset = first - found.first_number
     pictures = pictures_of(source, settings, run)
-    # Frames between two shots are a shot of their own here.
+    # Frames between two shots form another shot here.
     starts = {n + offset for shot in found.shots for n in (shot.first, shot.last + 1)}
     return _by_shots(source, pictures, starts, on_event)
 
@@ -168,7 +168,7 @@ def _by_shots(source: Path, pictures: Pictures, starts: set[int], on_event: OnEv
 
 
 def frame_tally(nits: hdr.Planes) -> FrameTally:
-    """One frame's light from its R, G, B in nits, 0 to 10000."""
+    """The light of one frame from its R, G, B in nits, 0 to 10000."""
     largest = cv2.max(cv2.max(nits[0], nits[1]), nits[2])
     tenths: Any = np.rint(np.minimum(largest, 10000) * np.float32(10)).astype(np.int64)
     red, green, blue = (float(cv2.minMaxLoc(plane)[1]) for plane in nits)
@@ -182,6 +182,6 @@ def frame_tally(nits: hdr.Planes) -> FrameTally:
 
 
 def starts_and_lengths(shots: Iterable[ShotLight]) -> tuple[list[int], list[int]]:
-    """The first frame of each shot, counted from 0, and how many frames it has."""
+    """The first frame of each shot, counted from 0, and its number of frames."""
     listed = list(shots)
     return [shot.first for shot in listed], [shot.frames for shot in listed]

@@ -1,6 +1,6 @@
 """Side files of a converted folder for other programs: Nuke, USD, OpenColorIO.
 
-Each is text beside the frames, made of what the folder holds alone.
+Each is a text file next to the frames, made only from the folder's content.
 """
 
 from __future__ import annotations
@@ -22,14 +22,14 @@ OCIO_NAMES: dict[str, str] = {
     "acescg": "ACEScg",
     "aces2065-1": "ACES2065-1",
 }
-"""Our linear light as the ACES configs of OpenColorIO name it; the interop IDs are its aliases."""
+"""The names of our linear light in OpenColorIO's ACES configs; interop IDs are aliases."""
 
 _MARK = "written by itmo-video"
 
 
 @dataclass(frozen=True)
 class FrameSequence:
-    """What a side file says of a sequence: its frames by number, size in pixels, colour, rate."""
+    """A sequence for side files: its frames by number, size in pixels, colour and rate."""
 
     folder: Path
     stem: str
@@ -45,7 +45,7 @@ class FrameSequence:
 
 
 def nuke_read(frames: FrameSequence) -> str:
-    """A Read node, to be pasted into Nuke's node graph; its path is absolute."""
+    """A Read node to paste into Nuke's node graph; its path is absolute."""
     first, last = frames.numbers[0], frames.numbers[-1]
     path = f"{frames.folder.resolve().as_posix()}/{frames.stem.replace('%', '%%')}.%04d.exr"
     width, height = frames.size
@@ -62,7 +62,7 @@ def nuke_read(frames: FrameSequence) -> str:
 
 
 def usd_dome_light(frames: FrameSequence) -> str:
-    """A USD stage with a dome light of the panorama; a sequence is time samples of its file."""
+    """A USD stage with a dome light of the panorama; a sequence becomes time samples."""
 
     def asset(number: int) -> str:
         return f"@@@./{frames.file_name(number)}@@@"
@@ -87,14 +87,14 @@ def usd_dome_light(frames: FrameSequence) -> str:
 
 
 def ocio_note(frames: FrameSequence) -> str:
-    """What an OpenColorIO config needs to know, as a rule for its `file_rules` (YAML)."""
+    """The colour space of the files as a rule for an OpenColorIO config's `file_rules` (YAML)."""
     name, space = OCIO_NAMES[frames.primaries], INTEROP_IDS[frames.primaries]
     rule = "itmo_" + "".join(c if c.isalnum() else "_" for c in frames.stem)
     return (
-        f"# {_MARK}: {frames.file_name(frames.numbers[0])} and the files beside it\n"
-        f"# Linear light; 1.0 is SDR diffuse white, {frames.white_nits:g} nits. The files name\n"
+        f"# {_MARK}: {frames.file_name(frames.numbers[0])} and the files next to it\n"
+        f"# Linear light; 1.0 is SDR diffuse white, {frames.white_nits:g} nits. The files state\n"
         f"# their space in the attribute colorInteropID: {space}. In the ACES configs it is\n"
-        f"# {name!r}. A config that does not look at the attribute takes this rule:\n"
+        f"# {name!r}. A config that does not read the attribute needs this rule:\n"
         "file_rules:\n"
         f"  - !<Rule> {{name: {rule}, pattern: {_quoted(f'*{_no_glob(frames.stem)}.*')}, "
         f"extension: exr, colorspace: {space}}}\n"
@@ -106,11 +106,11 @@ KINDS: dict[str, tuple[str, Callable[[FrameSequence], str]]] = {
     "usd": ("_dome.usda", usd_dome_light),
     "ocio": ("_ocio.yaml", ocio_note),
 }
-"""The kinds by name: how the file's name ends, and what makes its text."""
+"""The kinds by name: the end of the file name, and the function that writes the text."""
 
 
 def check_kinds(kinds: Sequence[str], projection: str) -> None:
-    """Raise UsageError for a kind that is unknown or does not suit the projection."""
+    """Raise UsageError for an unknown kind, or one that does not fit the projection."""
     if unknown := [kind for kind in kinds if kind not in KINDS]:
         raise UsageError(
             f"side-files: unknown {', '.join(unknown)}", remedy=f"Known: {', '.join(KINDS)}"
@@ -118,14 +118,14 @@ def check_kinds(kinds: Sequence[str], projection: str) -> None:
     if "usd" in kinds and projection != "latlong":
         raise UsageError(
             "side-files: a USD dome light needs a panorama",
-            remedy="Say that it is one: --projection latlong.",
+            remedy="If it is one, add --projection latlong.",
         )
 
 
 def write_side_files(folder: str | Path, kinds: Sequence[str]) -> list[Path]:
     """Write the side files of a converted folder; returns their paths.
 
-    One of ours that is there is brought up to date; raises OutputError for anybody else's.
+    An existing one of ours is updated; raises OutputError for any other file.
     """
     frames = _sequence_in(Path(folder))
     written = []
@@ -135,9 +135,9 @@ def write_side_files(folder: str | Path, kinds: Sequence[str]) -> list[Path]:
         text = make(frames).encode("utf-8", "surrogateescape")
         if path.is_symlink() or (path.exists() and _MARK.encode() not in path.read_bytes()[:400]):
             raise OutputError(
-                "is there already and is not ours",
+                "file exists and was not written by itmo-video",
                 where=str(path),
-                remedy="Move it away, or leave the side file out.",
+                remedy="Move it away, or omit this side file.",
             )
         write_whole(path, text)
         written.append(path)
@@ -158,7 +158,7 @@ def _sequence_in(folder: Path) -> FrameSequence:
 
 
 def _tcl(text: str) -> str:
-    """A word of Tcl, which Nuke's scripts are written in."""
+    """A quoted word of Tcl, the language of Nuke's scripts."""
     return '"' + "".join("\\" + c if c in '\\"[]$' else c for c in text) + '"'
 
 

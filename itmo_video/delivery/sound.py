@@ -1,4 +1,4 @@
-"""A source's sound, chapters and unit of time for a film made of it, copied as they are."""
+"""Copying a source's sound, chapters and time base to a film."""
 
 from __future__ import annotations
 
@@ -10,23 +10,23 @@ from typing import Any
 from itmo_video.source.packets import BROADCAST, Jumps, open_container, open_video
 from itmo_video.source.streams import choose_video
 
-_MAX_PIXELS = 2**27  # of a source that only its sound and its stamps are read of
-# QuickTime's name of a track is what others call its title.
+_MAX_PIXELS = 2**27  # of a source of which only sound and time stamps are read
+# QuickTime calls a track's title its name.
 _KEPT_TAGS = {"language": "language", "name": "title", "title": "title", "comment": "comment"}
 _KEPT_FLAGS = 0x1FF  # default, dub, original, comment, lyrics, karaoke, forced, impaired
 
 
 def source_time_base(path: Path, number: int | None = None) -> Fraction:
-    """The unit that a film's video time stamps are counted in, in seconds; raises InputError."""
+    """The time base of a film's video stream in seconds; raises InputError."""
     with open_video(path, _MAX_PIXELS, number) as (_, stream):
         return Fraction(stream.time_base or Fraction(1, 90000))
 
 
 class Sound:
-    """The sound tracks of an open source, added to a film; `packets` gives them in order.
+    """The sound tracks of an open source, added to a film; `packets` yields them in order.
 
-    Tracks of a codec that FFmpeg does not know are left out; `notices` says so. `first_s` is when
-    the first sound begins, in the time that the source's frames are counted in.
+    Tracks with a codec that FFmpeg does not support are left out, with a notice. `first_s` is the
+    start of the first sound in source time.
     """
 
     def __init__(self, source: Path, film: Any, stream: int | None = None) -> None:
@@ -37,7 +37,7 @@ class Sound:
         for track in audio:
             if track.codec_context is None:
                 self.notices.append(
-                    f"sound track {track.index} is left out: its codec is not known to FFmpeg"
+                    f"sound track {track.index} is left out: FFmpeg does not support its codec"
                 )
                 continue
             target = film.add_stream_from_template(track)
@@ -59,7 +59,7 @@ class Sound:
         return list(self._box.chapters())
 
     def packets(self) -> Iterator[tuple[Any, Fraction]]:
-        """Each packet, its stream set to the film's, and when it begins, in the source's time."""
+        """Each packet, assigned to the film's stream, with its start in source time."""
         if not self._streams:
             return
         joins = {s.index: _Join(s) for s in self._streams}
@@ -81,13 +81,13 @@ class Sound:
 
 
 class _Join:
-    """Brings the stamps of joined captures into one time, ticks of one track."""
+    """Makes the time stamps of joined captures continuous, in ticks of one track."""
 
     def __init__(self, stream: Any) -> None:
         self._jumps, self._shift, self._end = Jumps(stream), 0, 0
 
     def shift(self, packet: Any) -> int:
-        """What to add to this packet's stamps, so that it follows the one before."""
+        """The offset to add to this packet's stamps so that it follows the previous one."""
         if self._jumps.see(packet.pts):
             self._shift = self._end - packet.pts
         self._end = packet.pts + self._shift + (packet.duration or 0)
@@ -95,7 +95,7 @@ class _Join:
 
 
 def _is_joined(source: Path, video: Any) -> bool:
-    """Whether the stamps of a broadcast file's film jump, so that its frames are counted."""
+    """Whether the video stamps of a broadcast file jump, so that its frames are counted."""
     if str(video.container.format.name) not in BROADCAST:
         return False
     jumps = Jumps(video)

@@ -1,4 +1,4 @@
-"""A preview's still: PQ or HLG in AVIF, PNG or TIFF, a gain-map JPEG, or an SDR view."""
+"""Writing a still: PQ or HLG in AVIF, PNG or TIFF, a gain-map JPEG, or an SDR view."""
 
 from __future__ import annotations
 
@@ -26,30 +26,30 @@ _NO_LIGHT = Light(0.0, 0.0)
 
 
 def check_still_options(suffix: str, options: PreviewOptions) -> None:
-    """Raise UsageError for views that the kind of still does not hold."""
+    """Raise UsageError for views that this kind of still does not support."""
     if options.hdr10plus is not None:
         raise UsageError("HDR10+ metadata is for films", remedy="Omit --hdr10plus.")
     if signal_of(options) in ("acescct", "logc3"):
-        raise UsageError("log is for films", remedy="Name it film.mov; or take --as hdr10.")
+        raise UsageError("log is for films only", remedy="Name it film.mov, or use --as hdr10.")
     if suffix == ".avif" and signal_of(options) == "sdr":
         raise UsageError(
-            "AVIF stills are HDR", remedy="Take --as hdr10 or hlg, or name it .png or .jpg."
+            "AVIF stills are HDR", remedy="Use --as hdr10 or hlg, or name it .png or .jpg."
         )
     if options.view == "hlg" and suffix not in (".avif", ".png"):
-        raise UsageError("HLG stills are AVIF or PNG", remedy="Name it .avif or .png.")
+        raise UsageError("HLG stills must be AVIF or PNG", remedy="Name it .avif or .png.")
     if suffix in _JPEG and options.display_peak is not None:
-        raise UsageError("a gain map serves any display", remedy="Omit --display-peak.")
+        raise UsageError("a gain map adapts to any display", remedy="Omit --display-peak.")
     if suffix in _JPEG and options.view == "compare" and options.hdr_compare:
-        raise UsageError("a comparison in HDR is PQ", remedy="Name it .avif or .png.")
+        raise UsageError("a comparison in HDR must be PQ", remedy="Name it .avif or .png.")
 
 
 def write_still(pictures: Pictures, gate: Gate, options: PreviewOptions) -> tuple[Light, int]:
-    """Write the one picture; returns its light (zeros for SDR) and the bytes written.
+    """Write the picture; returns its light levels (zeros for SDR) and the bytes written.
 
-    Raises DamagedInputError where it cannot be decoded.
+    Raises DamagedInputError if it cannot be decoded.
     """
     suffix = gate.path.suffix.lower()
-    shown_peak(pictures, options)  # is one that there can be
+    shown_peak(pictures, options)  # raises for an impossible one
 
     def make(picture: Picture) -> tuple[bytes, Light]:
         if signal_of(options) == "sdr":
@@ -67,7 +67,7 @@ def write_still(pictures: Pictures, gate: Gate, options: PreviewOptions) -> tupl
 def _hdr_still(
     suffix: str, picture: Picture, pictures: Pictures, options: PreviewOptions
 ) -> tuple[bytes, Light]:
-    """A still in PQ or HLG, with its light where the format has a place for it."""
+    """A still in PQ or HLG, with its light levels if the format can store them."""
     rgb, primaries, white = light_of(picture, pictures, options)
     signal, peak = signal_of(options), shown_peak(pictures, options)
     curve: hdr.Curve = "hlg" if signal == "hlg" else "pq"
@@ -89,7 +89,7 @@ def _hdr_still(
 
 
 def _gain_map(picture: Picture, pictures: Pictures, options: PreviewOptions) -> tuple[bytes, Light]:
-    """The source with our gain as its map; the tone-mapped picture where there is no source."""
+    """The source with our gain as its map, or the tone-mapped picture without a source."""
     linear = sdr.to_709(picture.rgb, pictures.primaries)
     peak = pictures.peak_nits / pictures.white_nits
     if picture.source is not None:

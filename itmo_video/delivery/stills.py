@@ -1,4 +1,4 @@
-"""Stills: 16-bit PNG and TIFF with PQ, their tags written by hand; SDR JPEG, PNG and TIFF."""
+"""Encoding stills: 16-bit PNG and TIFF with HDR tags; SDR JPEG, PNG and TIFF."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ _PNG_HEAD = 8 + 25  # the signature and the IHDR chunk, which always comes first
 def png_hdr(
     rgb_code: hdr.Planes, curve: hdr.Curve, mastering: Mastering, light: hdr.Light
 ) -> bytes:
-    """A 16-bit PNG of BT.2020 R'G'B' planes in PQ or HLG, tagged by cICP; PQ by mDCV, cLLI, too.
+    """A 16-bit PNG of BT.2020 R'G'B' planes in PQ or HLG, with cICP; for PQ also mDCV and cLLI.
 
     PNG 3rd edition, 11.3.2.6 to 11.3.2.8: primaries 9, transfer 16 or 18, RGB, full range.
     """
     data = _encoded(".png", np.ascontiguousarray(_codes16(rgb_code)[..., ::-1]))
-    # Chunks of colour come before the picture's data.
+    # Colour chunks must precede the picture's data.
     chunks = _chunk(b"cICP", bytes((9, 16 if curve == "pq" else 18, 0, 1)))
     if curve == "pq":
         levels = map(in_32_bits, (light.peak, light.average))
@@ -38,7 +38,7 @@ def png_hdr(
 
 
 def tiff_pq(rgb_code: hdr.Planes) -> bytes:
-    """A 16-bit TIFF of PQ BT.2020 R'G'B' planes; its ICC profile says so."""
+    """A 16-bit TIFF of PQ BT.2020 R'G'B' planes with a matching ICC profile."""
     return tiff_rgb16(_codes16(rgb_code), pq_profile())
 
 
@@ -48,7 +48,7 @@ def _codes16(rgb_code: hdr.Planes) -> npt.NDArray[np.uint16]:
 
 
 def sdr_still(picture: Picture, suffix: str) -> bytes:
-    """A JPEG or an 8-bit PNG or TIFF of an R'G'B' picture (H, W, 3) in [0, 1]."""
+    """An R'G'B' picture (H, W, 3) in [0, 1] as a JPEG or an 8-bit PNG or TIFF."""
     codes = np.asarray(np.round(picture[..., ::-1] * 255), np.uint8)
     return _encoded(suffix, codes, [cv2.IMWRITE_JPEG_QUALITY, 94] if suffix in _JPEG else [])
 

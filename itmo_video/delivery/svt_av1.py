@@ -1,4 +1,4 @@
-"""SVT-AV1 opened as a guest: silent, and with threads no more important than ours."""
+"""Opening SVT-AV1 without side effects: silent, and with threads of normal priority."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ _opening = threading.Lock()
 
 @contextmanager
 def svt_as_guest() -> Iterator[None]:
-    """Around the opening of an encoder, in the thread that opens it.
+    """A context for opening an encoder, in the thread that opens it.
 
-    SVT-AV1 asks the environment, when it starts, whether it may write to standard error. And where
-    it may (root, CAP_SYS_NICE) it makes its threads *and its caller's* real-time ones of the
-    highest priority (SCHED_FIFO 99): a few encoders at once then hold a machine for good.
+    On start, SVT-AV1 reads its log level from the environment. And if permitted (root,
+    CAP_SYS_NICE) it gives its threads *and its caller's* the highest real-time priority
+    (SCHED_FIFO 99), with which a few encoders at once freeze a machine.
     """
     with _opening, _silent(), _without_real_time():
         yield
@@ -50,7 +50,7 @@ def _silent() -> Iterator[None]:
 
 @contextmanager
 def _without_real_time() -> Iterator[None]:
-    """Linux keeps capabilities by thread; threads that are made meanwhile inherit what is left."""
+    """Linux capabilities are per thread; threads created meanwhile inherit the reduced set."""
     before = _effective() if sys.platform == "linux" else None
     if before is None or not before & (1 << _CAP_SYS_NICE):
         yield
@@ -68,7 +68,7 @@ def _call(name: str, words: ctypes.Array[_Word]) -> bool:
 
 
 def _effective() -> int | None:
-    """The first 32 effective capabilities of this thread; None where they cannot be had."""
+    """The first 32 effective capabilities of this thread; None if not available."""
     words = (_Word * 2)()
     return int(words[0].effective) if _call("capget", words) else None
 

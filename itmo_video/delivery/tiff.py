@@ -1,4 +1,4 @@
-"""A 16-bit TIFF of R'G'B' with its ICC profile: one strip, deflated (TIFF 6.0; tag 34675)."""
+"""Writing a 16-bit R'G'B' TIFF with an ICC profile: one deflated strip (TIFF 6.0; tag 34675)."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _MOST_BYTES = 2**32 - 2**20  # offsets have 32 bits
 def tiff_rgb16(codes: npt.NDArray[np.uint16], icc: bytes) -> bytes:
     """The file's bytes; `codes` are (H, W, 3), full range. ValueError beyond 4 GB."""
     height, width, _ = codes.shape
-    # Predictor 2: differences along a row, which deflate far better.
+    # Predictor 2: differences along a row, which compress far better.
     steps = codes.astype("<u2")
     steps[:, 1:] -= codes[:, :-1]
     picture = zlib.compress(steps.tobytes(), 4)
@@ -30,7 +30,7 @@ def tiff_rgb16(codes: npt.NDArray[np.uint16], icc: bytes) -> bytes:
     ]  # fmt: skip
     more_at = 8 + 2 + 12 * len(fields) + 4
     sizes = [_WIDTHS[kind][1] * len(values) for _, kind, values in fields]
-    # What needs more than four bytes lies behind the entries, and the picture behind that.
+    # Values of more than four bytes follow the entries, then the picture.
     picture_at = more_at + sum(size + size % 2 for size in sizes if size > 4)
     entries, more = struct.pack("<H", len(fields)), b""
     for tag, kind, values in fields:

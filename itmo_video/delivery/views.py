@@ -1,4 +1,4 @@
-"""What a frame is shown as: HDR codes for an encoder, or R'G'B' for SDR monitors."""
+"""Views of a frame: HDR codes for an encoder, or R'G'B' for SDR monitors."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from itmo_video.errors import UsageError
 
 @dataclass(frozen=True)
 class ShownFrame:
-    """One frame ready for the encoder, by its number as in file names."""
+    """One frame ready to encode, with its number as in file names."""
 
     number: int
     time_s: Fraction
@@ -33,7 +33,7 @@ class ShownFrame:
 
 
 def signal_of(options: PreviewOptions) -> Signal:
-    """How what is shown is encoded."""
+    """The signal that a view is encoded as."""
     if options.view in ("hdr10", "aces-hdr") or (options.view == "compare" and options.hdr_compare):
         return "pq"
     if options.view == "acescct" or options.view == "logc3":
@@ -42,10 +42,10 @@ def signal_of(options: PreviewOptions) -> Signal:
 
 
 def check_view(options: PreviewOptions) -> None:
-    """Raise UsageError for options that the view has no use for."""
+    """Raise UsageError for options that do not apply to the view."""
     is_pq = signal_of(options) == "pq"
     if options.display_peak is not None and (not is_pq or options.view == "aces-hdr"):
-        raise UsageError("--display-peak is for PQ", remedy="Take --as hdr10.")
+        raise UsageError("--display-peak applies to PQ only", remedy="Use --as hdr10.")
     is_aces = options.view in ("aces", "aces-hdr")
     if is_aces:
         require_aces()
@@ -54,21 +54,21 @@ def check_view(options: PreviewOptions) -> None:
     )
     if options.exposure and not is_mapped:
         raise UsageError(
-            "--exposure is for views that are tone-mapped", remedy="Take --as sdr or --as compare."
+            "--exposure applies to tone-mapped views only", remedy="Use --as sdr or --as compare."
         )
 
 
 def shown_peak(pictures: Pictures, options: PreviewOptions) -> float:
-    """The peak in nits of what is shown; UsageError for a display that is no darker than that."""
+    """The peak in nits of the view; UsageError if the display's peak is not lower."""
     if options.view == "aces-hdr":
         return aces_peak(pictures.peak_nits)
     if options.display_peak is None:
         return pictures.peak_nits
     if options.display_peak >= pictures.peak_nits:
         raise UsageError(
-            f"--display-peak {options.display_peak:g}: nothing is brighter than "
+            f"--display-peak {options.display_peak:g} has no effect: the peak is already "
             f"{pictures.peak_nits:g} nits",
-            remedy="Leave it out, or give a lower one.",
+            remedy="Omit it, or give a lower one.",
         )
     return options.display_peak
 
@@ -76,7 +76,7 @@ def shown_peak(pictures: Pictures, options: PreviewOptions) -> float:
 def light_of(
     picture: Picture, pictures: Pictures, options: PreviewOptions
 ) -> tuple[Sequence[Any], str, float]:
-    """Linear planes, their primaries and the nits of 1.0; compare has the source beside."""
+    """Linear planes, their primaries and the nits of 1.0; compare includes the source."""
     white = pictures.white_nits
     if options.view == "aces-hdr":
         peak, gain = aces_peak(pictures.peak_nits), 2.0**options.exposure
@@ -91,7 +91,7 @@ def light_of(
 
 
 def sdr_view(picture: Picture, pictures: Pictures, options: PreviewOptions) -> sdr.Picture:
-    """R'G'B' of a frame (H, W, 3) in [0, 1] for the SDR views."""
+    """A frame as R'G'B' (H, W, 3) in [0, 1] for the SDR views."""
     if options.view == "aces":
         return aces_sdr(picture.rgb, pictures.primaries, 2.0**options.exposure)
     linear = sdr.to_709(picture.rgb, pictures.primaries)
@@ -101,7 +101,7 @@ def sdr_view(picture: Picture, pictures: Pictures, options: PreviewOptions) -> s
     if options.view == "ladder":
         return sdr.ladder(linear, peak)
     gain = np.float32(2.0**options.exposure)
-    # Exposed down until the peak is white, nothing is left to be mapped.
+    # The exposures reach down to the peak, so no tone mapping is needed.
     result = sdr.tone_mapped(linear * gain, options.tone_map, max(1.0, peak * float(gain)))
     if options.view == "sdr":
         return result
@@ -113,7 +113,7 @@ def sdr_view(picture: Picture, pictures: Pictures, options: PreviewOptions) -> s
 def _both(
     source: sdr.Picture, result: sdr.Picture, pictures: Pictures, options: PreviewOptions
 ) -> sdr.Picture:
-    """Source and result in one picture, each with its name in it."""
+    """Source and result in one picture, with labels."""
     if not options.no_labels:
         told = f"HDR {shown_peak(pictures, options):.0f} nits"
         full = told if options.hdr_compare else f"{told}, shown by {options.tone_map}"
@@ -127,7 +127,7 @@ def _both(
 def shown_frame(
     picture: Picture, pictures: Pictures, options: PreviewOptions, chroma: Chroma
 ) -> ShownFrame:
-    """A frame as codes of Y'CbCr, and its light (zeros for SDR views)."""
+    """A frame as Y'CbCr codes, and its light levels (zeros for SDR views)."""
     signal = signal_of(options)
     if signal == "sdr":
         view = sdr_view(picture, pictures, options)

@@ -1,7 +1,7 @@
-"""Y4M: uncompressed films for pipes, to standard output, a FIFO or a file.
+"""Writing Y4M: uncompressed films for pipes, to standard output, a FIFO or a file.
 
-A stream header, then "FRAME" and the planes of each frame; what a film is tagged with beyond its
-range and chroma has no place in it (the y4m of mjpegtools; X tags as FFmpeg writes them).
+A stream header, then "FRAME" and the planes of each frame; it has no tags other than range and
+chroma (mjpegtools' Y4M; X tags as in FFmpeg).
 """
 
 from __future__ import annotations
@@ -27,12 +27,12 @@ _PIPE_BYTES = 1 << 20
 
 
 class ReaderLeftError(Exception):
-    """Whoever read the pipe has closed it: there is nobody to write for."""
+    """The reader has closed the pipe."""
 
 
 @dataclass(frozen=True)
 class Y4mSpec:
-    """The header of a y4m stream: size in pixels, limited range, chroma sited left."""
+    """The header of a Y4M stream: size in pixels, limited range, chroma sited left."""
 
     width: int
     height: int
@@ -61,7 +61,7 @@ class Y4mSpec:
 
 
 def is_stream_output(path: Path) -> bool:
-    """Whether what is written there goes on at once: standard output ("-") or a FIFO."""
+    """Whether the output is a stream: standard output ("-") or a FIFO."""
     if os.fspath(path) == STANDARD_OUTPUT:
         return True
     try:
@@ -71,7 +71,7 @@ def is_stream_output(path: Path) -> bool:
 
 
 class Y4mWriter:
-    """Writes frames to a pipe as they come, or to a file that appears whole when finished."""
+    """Writes frames to a pipe immediately, or to a file that appears when finished."""
 
     notices: tuple[str, ...] = ()
 
@@ -117,7 +117,7 @@ class Y4mWriter:
             self._put(piece)
 
     def finish(self, light: Light | None) -> None:
-        """Complete the file; a pipe is complete as it is."""
+        """Complete the file; does nothing for a pipe."""
         self._file.close()
         if self._gate is not None and self._temp is not None:
             self._gate.put(self._temp)
@@ -145,8 +145,8 @@ class Y4mWriter:
 def _descriptor(path: Path) -> int:
     if os.fspath(path) != STANDARD_OUTPUT:
         return os.open(path, os.O_WRONLY)
-    # The command line puts the null device in the place of what is closed (cli.streams); where a
-    # shell opened it, its name is <stdout>.
+    # The command line replaces closed streams by the null device (cli.streams); if a shell
+    # opened it, its name is <stdout>.
     if sys.stdout is None or getattr(sys.stdout, "name", None) == os.devnull:
         raise OutputError(
             "standard output is closed", remedy="Pipe it: ... - | x265 --y4m - -o film.hevc"

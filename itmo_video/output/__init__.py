@@ -1,1 +1,1 @@
-"""Files that are written: EXR, folders, atomically."""
+"""Writing files atomically: EXR frames, folders and single files."""

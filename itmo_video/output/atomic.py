@@ -1,7 +1,7 @@
-"""Files that appear whole or not at all: temporary names that name their owner, and renames.
+"""Atomic writing of files: temporary names that identify their owner, and renames.
 
-A temporary file belongs to the process in its name, and is removed by nobody else while
-that one lives (`is_dead`): several processes and machines may write into one folder.
+A temporary file belongs to the process in its name, and nobody else removes it while that process
+lives (`is_dead`), so several processes and machines may write into one folder.
 """
 
 from __future__ import annotations
@@ -23,10 +23,10 @@ StrPath = str | os.PathLike[str]
 
 
 class TempOwner(NamedTuple):
-    """The process that a temporary file belongs to; `boot`, `pids` and `start` tell pids apart.
+    """The process that owns a temporary file; `boot`, `pids` and `start` disambiguate its pid.
 
-    `boot` is of the machine's run, `pids` the name space that `pid` counts in (containers), `start`
-    the process's start in clock ticks after boot; "0" where the system does not tell.
+    `boot` identifies the machine's boot, `pids` the pid namespace (containers), `start` the
+    process's start in clock ticks after boot; "0" if the system does not provide it.
     """
 
     host: str
@@ -40,14 +40,14 @@ _serial = itertools.count()
 
 
 def temp_path(path: StrPath) -> Path:
-    """Name a temporary file of this process beside `path`; never the same name twice."""
+    """A unique name for a temporary file of this process next to `path`."""
     owner = "-".join(str(part) for part in this_process(os.getpid()))
-    # Not made of `path`'s own name, which may have the file system's full length already.
+    # Not derived from `path`'s name, which may already have the maximum length.
     return Path(path).parent / f".itmo-{owner}-{next(_serial)}.tmp"
 
 
 def temp_owner(name: str) -> TempOwner | None:
-    """Return whose temporary file `name` is; None when it is not named like one of ours."""
+    """The owner of the temporary file `name`; None if it is not named like one of ours."""
     match = re.fullmatch(r"\.itmo-([\w.]+)-(\w+)-(\d+)-(\d+)-(\d+)-\d+\.tmp", name)
     if match is None:
         return None
@@ -55,9 +55,9 @@ def temp_owner(name: str) -> TempOwner | None:
     return TempOwner(host, boot, pids, int(pid), start)
 
 
-@functools.lru_cache(maxsize=1)  # by pid, so that a forked child does not take its parent's name
+@functools.lru_cache(maxsize=1)  # by pid, so that a forked child does not use its parent's
 def this_process(pid: int) -> TempOwner:
-    """Describe this process, whose number is `pid`."""
+    """Identify this process as an owner."""
     boot = pids = "0"
     with suppress(OSError):
         boot = Path("/proc/sys/kernel/random/boot_id").read_text()[:8]
@@ -68,7 +68,7 @@ def this_process(pid: int) -> TempOwner:
 
 
 def process_stat(pid: int) -> tuple[str, str] | None:
-    """Return the state letter and start time of process `pid`; None where Linux does not tell."""
+    """The state letter and start time of process `pid`; None if Linux does not provide them."""
     try:
         fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
     except OSError:
@@ -77,28 +77,28 @@ def process_stat(pid: int) -> tuple[str, str] | None:
 
 
 def is_dead(owner: TempOwner, written_s: float) -> bool:
-    """Tell whether the process that made a temporary file, last written at `written_s`, is gone."""
+    """Whether the owner of a temporary file, last modified at `written_s`, is gone."""
     me = this_process(os.getpid())
     if owner.host != me.host:
         return False
     if owner.boot != me.boot:
-        # This machine before it started anew, or a living one of the same name: then it is fresh.
+        # This machine before a reboot, or another with the same name, whose files are recent.
         return "0" not in (owner.boot, me.boot) and written_s < boot_time_s()
     if owner.pids != me.pids or os.name == "nt":
         return False
     try:
-        os.kill(owner.pid, 0)  # asks only; sees processes that a hardened /proc hides
+        os.kill(owner.pid, 0)  # only checks; sees processes that a hardened /proc hides
     except ProcessLookupError:
         return True
     except OSError:
         pass
     stat = process_stat(owner.pid)
-    # A number is used again by other processes, which started later; a zombie writes no more.
+    # Pids are reused by processes that started later; a zombie no longer writes.
     return stat is not None and (stat[1] != owner.start or stat[0] in "ZX")
 
 
 def boot_time_s() -> float:
-    """Return when this machine started, in seconds of the Unix epoch; 0 where nobody tells."""
+    """The machine's boot time in seconds of the Unix epoch; 0 if unknown."""
     with suppress(OSError):
         match = re.search(r"^btime (\d+)", Path("/proc/stat").read_text(), re.MULTILINE)
         if match:
@@ -107,10 +107,10 @@ def boot_time_s() -> float:
 
 
 def sweep_temp_files(folder: StrPath) -> int:
-    """Remove the temporary files in `folder` of this machine's dead processes; return how many.
+    """Remove temporary files in `folder` of dead processes on this machine; return their number.
 
-    Those of living processes, of other machines and of other containers stay. Raises OutputError
-    where the folder cannot be listed; one that is not there has none.
+    Files of running processes, other machines and other containers stay. Raises OutputError if the
+    folder cannot be listed; a missing folder has none.
     """
     try:
         names = os.listdir(folder or ".")
@@ -129,18 +129,18 @@ def sweep_temp_files(folder: StrPath) -> int:
 
 
 def write_whole(path: StrPath, data: bytes | memoryview, *, durable: bool = False) -> int:
-    """Put `data` at `path` as `write_parts` does."""
+    """Write `data` to `path` as `write_parts` does."""
     return write_parts(path, (data,), durable=durable)
 
 
 def write_parts(
     path: StrPath, parts: Iterable[bytes | memoryview], *, durable: bool = False
 ) -> int:
-    """Put `parts` at `path` by way of a temporary file and return its size in bytes.
+    """Write `parts` to `path` via a temporary file and return the size in bytes.
 
-    Each part is written before the next is asked for. Whoever looks sees the old file or the whole
-    new one. Raises OutputError when it cannot be written; the temporary file is removed whatever
-    goes wrong.
+    Each part is written before the next is requested. Readers see either the old file or the
+    complete new one. Raises OutputError if it cannot be written; the temporary file is always
+    removed.
     """
     temp = temp_path(path)
     size = 0
@@ -156,14 +156,14 @@ def write_parts(
             _sync_folder(temp.parent)
     except OSError as error:
         raise output_error(error, path) from error
-    finally:  # after the rename there is nothing left to remove
+    finally:  # after the rename there is nothing to remove
         with suppress(OSError):
             temp.unlink()
     return size
 
 
 def _sync_folder(folder: Path) -> None:
-    if os.name == "nt":  # folders cannot be opened there
+    if os.name == "nt":  # Windows cannot open folders
         return
     descriptor = os.open(folder, os.O_RDONLY)
     try:
@@ -173,17 +173,17 @@ def _sync_folder(folder: Path) -> None:
 
 
 def output_error(error: OSError, path: StrPath) -> OutputError:
-    """An OutputError for a failure to write `path`, in the user's words, with the remedy."""
-    again = "then run the same command again: it resumes where it stopped."
+    """An OutputError for a failure to write `path`, with a remedy."""
+    again = "then run the same command again to resume."
     if error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG):
-        what, remedy = "no space left to write it", f"Free some space, {again}"
+        what, remedy = "no space left on the disk", f"Free some space, {again}"
     elif error.errno in (errno.EACCES, errno.EPERM, errno.EROFS):
         what, remedy = (
             "permission denied",
             f"Change the permissions or choose another folder, {again}",
         )
     elif error.errno in (errno.ENOENT, errno.ENOTDIR):
-        what, remedy = "its folder does not exist (any more)", f"Restore the folder, {again}"
+        what, remedy = "the folder does not exist (any more)", f"Restore the folder, {again}"
     else:
-        what, remedy = "it cannot be written", f"Look at the disk, {again}"
+        what, remedy = "cannot be written", f"Check the disk, {again}"
     return OutputError(f"{what} ({error.strerror})", where=os.fspath(path), remedy=remedy)

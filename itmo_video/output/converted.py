@@ -1,7 +1,7 @@
-"""A converted folder opened to be read: settings by shot, files by frame, and its source.
+"""A converted folder opened for reading: settings by shot, files by frame, and its source.
 
-All that looks at a finished conversion (previews, reports, figures, side files) goes in here, so
-that they read one folder in one way.
+Everything that reads a finished conversion (previews, reports, figures, side files) uses this
+module, so that all read a folder in the same way.
 """
 
 from __future__ import annotations
@@ -27,9 +27,9 @@ from itmo_video.source.opening import Clip, input_options, open_clip
 
 @dataclass(frozen=True)
 class ConvertedShot:
-    """Frames `first` to `last` (indices, inclusive) that were made with settings of their own.
+    """Frames `first` to `last` (indices, inclusive) that were converted with their own settings.
 
-    `told` is how they differ from the folder's, as in the manifest.
+    `told` is how these differ from the folder's, as in the manifest.
     """
 
     first: int
@@ -42,8 +42,8 @@ class ConvertedShot:
 class Converted:
     """A folder's settings and files; `files` by number, rising, `shots` sorted by their frames.
 
-    The file of `first_number` belongs to the source's frame 0. `settings` are those of frames that
-    no shot has settings of its own for.
+    The file numbered `first_number` is the source's frame 0. `settings` apply to all frames outside
+    of `shots`.
     """
 
     path: Path
@@ -55,24 +55,24 @@ class Converted:
 
     @property
     def numbers(self) -> list[int]:
-        """The numbers of the frames that are there, rising."""
+        """The numbers of the existing frames, rising."""
         return list(self.files)
 
     def index_of(self, number: int) -> int:
-        """The index of the source's frame that a file was made of."""
+        """The index of the source frame that a file was converted from."""
         return number - self.first_number
 
     def settings_of(self, number: int) -> Settings:
-        """What a frame was made with."""
+        """The settings that a frame was converted with."""
         shot = self._shot_of(number)
         return self.settings if shot is None else shot.settings
 
     def read(self, number: int) -> ExrImage:
-        """A frame's picture, once it is sure that the file is this very frame of the conversion.
+        """A frame's picture, after checking that the file really is this frame of the conversion.
 
-        The one way in for all readers: raises KeyError for a number that is not there, InputError
-        where the file is damaged, was changed, or belongs to another source, number or settings,
-        and OutputError where it vanishes.
+        All readers use this. Raises KeyError for a missing number, InputError if the file is
+        damaged, was modified, or belongs to another source, number or settings, and OutputError if
+        it disappears.
         """
         path = self.files[number]
         try:
@@ -80,7 +80,7 @@ class Converted:
         except InputError as error:
             if isinstance(error.__cause__, FileNotFoundError | NotADirectoryError):
                 raise OutputError(
-                    "it vanished while the folder was read",
+                    "the file disappeared while the folder was being read",
                     where=str(path),
                     remedy="Restore it or convert again, then run the same command again.",
                 ) from error
@@ -94,9 +94,9 @@ class Converted:
         )
         if image.fingerprint not in told:
             raise InputError(
-                "not this folder's frame: of another source or number, or made with other settings",
+                "not a frame of this folder: its source, number or settings differ",
                 where=str(path),
-                remedy="Move it away, then convert again (--update, if settings have changed).",
+                remedy="Move it away, then convert again (with --update if settings have changed).",
             )
         size = image.size if number == next(iter(self.files)) else self.size
         alpha = "A" if "A" in image.channels else ""
@@ -104,7 +104,7 @@ class Converted:
         names = frozenset((*"RGB", *alpha, *(f"{name}.Y" for name in settings.layers)))
         if not FrameForm(size, names, settings.compression).is_of(image):
             raise InputError(
-                "changed since it was converted: its size, windows, channels or compression",
+                "modified since it was converted: size, windows, channels or compression differ",
                 where=str(path),
                 remedy="Run the conversion again to re-render it.",
             )
@@ -112,22 +112,22 @@ class Converted:
 
     @property
     def absent(self) -> str | None:
-        """The numbers of the source's frames that are not there, as ranges; None for none.
+        """The numbers of missing frames as ranges; None if there are none.
 
-        Where the manifest does not count the source's frames, those between the files.
+        If the manifest does not state the source's frame count, only gaps between files count.
         """
         numbers, count = self.numbers, self.manifest.source_frames
         first, end = self.first_number, self.first_number + (count or 0)
         if count is None and numbers:
             first, end = numbers[0], numbers[-1] + 1
         around = [first - 1, *(n for n in numbers if first <= n < end), end]
-        # By their ends: a count that somebody made up may be of any size.
+        # By their ends, as a forged count may be of any size.
         gaps = [(a + 1, b - 1) for a, b in pairwise(around) if b - a > 1]
         return ",".join(str(a) if a == b else f"{a}-{b}" for a, b in gaps) or None
 
     @property
     def notices(self) -> tuple[str, ...]:
-        """What should be reported before the folder is shown."""
+        """Notices to report before the folder is shown."""
         return (f"frames {self.absent} are not in the folder",) if self.absent else ()
 
     def _shot_of(self, number: int) -> ConvertedShot | None:
@@ -142,7 +142,7 @@ class Converted:
 
     @property
     def peak_nits(self) -> float:
-        """The highest peak that a shot was made with."""
+        """The highest peak of all shots."""
         return max(
             peak_nits_of(s) for s in (self.settings, *(shot.settings for shot in self.shots))
         )
@@ -159,27 +159,27 @@ class Converted:
 
     @property
     def frame_rate(self) -> Fraction:
-        """Frames a second; 25 where the files do not say."""
+        """The frame rate; 25 if the files do not state it."""
         stated = Fraction(self.first_image.attributes.get("framesPerSecond") or 25)
         return stated if 0 < stated <= 1000 else Fraction(25)
 
     @property
     def pixel_aspect(self) -> Fraction:
-        """Width over height of a pixel."""
+        """The width of a pixel over its height."""
         stated = self.first_image.attributes.get("pixelAspectRatio", 1)
         if not (isinstance(stated, int | float) and 0.01 < stated < 100):
             return Fraction(1)
         return Fraction(str(stated)).limit_denominator(1000)
 
     def time_s(self, number: int, image: ExrImage) -> Fraction:
-        """A frame's presentation time in seconds: its own, or counted at the frame rate."""
+        """A frame's presentation time in seconds: its own, or by the frame rate."""
         stated: Any = image.attributes.get("itmoTime")
         return Fraction(stated) if stated is not None else self.index_of(number) / self.frame_rate
 
     def open_source(self, clip: Path, max_pixels: int = 2**27) -> Clip:
-        """The clip that the folder was made of, read as it was then.
+        """The clip that the folder was converted from, read with the same settings.
 
-        Raises InputError where it is another one; frames are those of the folder's indices.
+        Raises InputError if it is another clip; frames have the folder's indices.
         """
         options = replace(input_options(self.settings, max_pixels), raw=None)  # this is a file
         opened = open_clip(clip, options)
@@ -191,40 +191,42 @@ class Converted:
         return opened
 
     def check_source(self, clip: Clip) -> None:
-        """Raise InputError unless this is the clip that the folder was made of, by its content."""
+        """Raise InputError unless the folder was converted from this clip, by its content."""
         if clip.info.digest == self.manifest.source_digest:
             return
         where = clip.info.path
         if clip.disk_fault is not None:
             raise InputError(clip.disk_fault, where=where, remedy="Copy it to another disk.")
         raise InputError(
-            f"not the clip that the folder was made of ({self.manifest.source_name!r})",
+            f"not the clip that the folder was converted from ({self.manifest.source_name!r})",
             where=where,
-            remedy=f"Give that one, or convert this one: itmo-video convert {where} FOLDER",
+            remedy=f"Give that clip, or convert this: itmo-video convert {where} FOLDER",
         )
 
 
 def peak_nits_of(settings: Settings) -> float:
-    """The luminance of the brightest that settings can make."""
+    """The highest luminance that settings can produce."""
     return settings.l_max_effective * settings.white_nits
 
 
 def open_converted(folder: Path) -> Converted:
-    """A converted folder; raises InputError where no conversion or no frame is there."""
+    """Open a converted folder; raises InputError if it has no conversion or no frames."""
     found = find_converted(folder)
     if found is None:
         raise InputError(
             "not a converted folder", where=str(folder), remedy="Convert a clip first."
         )
     if not found.files:
-        raise InputError("it holds no frames", where=str(folder))
+        raise InputError(
+            "contains no frames", where=str(folder), remedy="Run the conversion again."
+        )
     return found
 
 
 def find_converted(folder: Path) -> Converted | None:
-    """A folder that has a manifest, with or without frames; None for anybody else's.
+    """A folder with a manifest, with or without frames; None for any other folder.
 
-    Raises InputError where the manifest is not valid.
+    Raises InputError if the manifest is invalid.
     """
     manifest = read_manifest(folder)
     if manifest is None:
@@ -232,19 +234,19 @@ def find_converted(folder: Path) -> Converted | None:
     values = dict(manifest.settings)
     try:
         first, told = int(str(values.pop("first_number", 1))), values.pop("shots", [])
-        # What a later version may have added to it says nothing to this one.
+        # Ignore what a later version may have added.
         settings = settings_from(_known(values))
         shots = tuple(_shot(entry, settings) for entry in _sequence(told))
         output = OutputFolder(folder, manifest.stem)
     except (UsageError, ValueError, TypeError) as error:
         what = error.what if isinstance(error, UsageError) else str(error)
-        raise InputError(f"its manifest is not valid: {what}", where=str(folder)) from error
+        raise InputError(f"the manifest is invalid: {what}", where=str(folder)) from error
     files = {number: output.frame_path(number) for number in output.frame_numbers()}
     return Converted(folder, manifest, settings, shots, first, files)
 
 
 def rgb_of(image: ExrImage) -> tuple[Half, Half, Half]:
-    """R, G and B of an EXR file; raises InputError where one is missing."""
+    """R, G and B of an EXR file; raises InputError if one is missing."""
     try:
         return image.channels["R"], image.channels["G"], image.channels["B"]
     except KeyError as error:
@@ -259,12 +261,12 @@ def _known(values: Mapping[str, Any]) -> dict[str, Any]:
 def _shot(entry: object, base: Settings) -> ConvertedShot:
     first, last, changed = _sequence(entry)
     if not isinstance(changed, Mapping):
-        raise ValueError("a shot's settings are no table")
+        raise ValueError("the settings of a shot are not a table")
     settings = replace(base, **_known(changed))
     return ConvertedShot(int(str(first)), int(str(last)), settings, changed)
 
 
 def _sequence(value: object) -> Sequence[object]:
     if not isinstance(value, list | tuple):
-        raise ValueError("its shots are no list")
+        raise ValueError("the shots are not a list")
     return value

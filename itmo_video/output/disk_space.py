@@ -1,4 +1,4 @@
-"""How much room on the disk a conversion needs, estimated before it starts, and what is free."""
+"""The disk space that a conversion needs, estimated before it starts, and the free space."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ _HEADER_BYTES = 4096
 
 
 def estimated_frame_bytes(width: int, height: int, has_alpha: bool, settings: Settings) -> int:
-    """Bytes that one EXR file of this size in pixels will take, roughly and rather too many."""
+    """A rough upper estimate of an EXR file's bytes, by its size in pixels."""
     channels = 3 + has_alpha + len(settings.layers)
     share = COMPRESSIONS[settings.compression].share_left or 1.0
     return round(width * height * channels * 2 * share) + _HEADER_BYTES
 
 
 def free_bytes(path: StrPath) -> int:
-    """Return how many bytes can still be written at `path`, which need not exist yet."""
+    """The free space in bytes at `path`, which need not exist yet."""
     folder = Path(path).absolute()
     while not os.path.exists(folder) and folder != folder.parent:
         folder = folder.parent
@@ -32,7 +32,7 @@ def free_bytes(path: StrPath) -> int:
 
 
 def shortage(needed_bytes: int, left_bytes: int, where: str) -> str | None:
-    """A warning for people if `needed_bytes` do not fit into `left_bytes`; None where they do."""
+    """A warning if `needed_bytes` do not fit into `left_bytes`, otherwise None."""
     if needed_bytes <= left_bytes:
         return None
     return (

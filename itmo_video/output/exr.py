@@ -1,9 +1,9 @@
-"""Half-float OpenEXR frames on disk: whole or not there at all, the same bytes every time.
+"""Half-float OpenEXR frames on disk, written atomically and reproducibly to the byte.
 
-The only module that imports OpenEXR, and only inside functions, so that the names come at once.
-Files are written by us: OpenEXR's own file writer loses the error when its last buffer does not fit
-on the disk, and says no more of a failure than a sentence. It encodes to memory; where we can lay
-the chunks out faster than it does (exr_scanlines) it makes the header only.
+The only module that imports OpenEXR, and only inside functions, so that importing this is fast.
+We write files ourselves: OpenEXR's file writer loses the error if its last buffer does not fit on
+the disk, and hardly describes failures. It encodes to memory; where we can lay out the chunks
+faster (exr_scanlines) it makes the header only.
 """
 
 from __future__ import annotations
@@ -36,13 +36,13 @@ Chromaticities = tuple[float, float, float, float, float, float, float, float]
 AP0: Chromaticities = (0.7347, 0.2653, 0.0, 1.0, 0.0001, -0.077, 0.32168, 0.33767)
 
 _PIXEL_KINDS = (np.uint32, np.float16, np.float32)  # by OpenEXR's PixelType
-_MOST_FILE_BYTES = 2 * MOST_PIXEL_BYTES  # of a whole file, packed worse than not at all
+_MOST_FILE_BYTES = 2 * MOST_PIXEL_BYTES  # larger than any valid file, even badly compressed
 _NO_LAYERS: Mapping[str, Half | Float32] = MappingProxyType({})
 
 
 @dataclass(frozen=True)
 class ExrHeader:
-    """What a frame's header says beside its size; nothing in it may depend on the run.
+    """A frame's header apart from its size; nothing in it may depend on the run.
 
     `chromaticities` are x, y of red, green, blue and white; `white_nits` is the luminance of 1.0 in
     cd/m2; `time_s` the presentation time in seconds; `timecode` is "HH:MM:SS:FF" (";FF" for drop
@@ -68,7 +68,7 @@ class ExrHeader:
 
 @dataclass(frozen=True, eq=False)
 class ExrImage:
-    """One image as stored: 2D arrays (height, width) by channel name, attributes by theirs."""
+    """One image as stored: channels, 2D arrays (height, width), and attributes by name."""
 
     channels: dict[str, npt.NDArray[Any]]
     attributes: dict[str, Any]
@@ -80,18 +80,18 @@ class ExrImage:
         return int(right) - int(left) + 1, int(bottom) - int(top) + 1
 
     def shown(self, name: str) -> npt.NDArray[Any]:
-        """A channel placed in the display window, 0 where the data window does not reach."""
+        """A channel in the display window, 0 outside of the data window."""
         return in_display_window(self.channels[name], self.attributes)
 
     @property
     def primaries(self) -> str:
-        """The name in colour.CHROMATICITIES of its primaries; rec709 where it states none."""
+        """The name in colour.CHROMATICITIES of its primaries; rec709 if it states none."""
         stated = self.attributes.get("chromaticities")
         return "rec709" if stated is None else nearest_primaries(stated)
 
     @property
     def fingerprint(self) -> str | None:
-        """The fingerprint that the frame was written with; None in other people's files."""
+        """The fingerprint that the frame was written with; None in other programs' files."""
         value = self.attributes.get("itmoFingerprint")
         return value if isinstance(value, str) else None
 
@@ -108,9 +108,9 @@ def write_exr(
     """Write one frame under a temporary name, rename it to `path` and return its size in bytes.
 
     `rgb`, `alpha` (RGB is expected premultiplied by it) and each of `layers` (by full channel name,
-    such as "expand_map.Y"; float16 or float32) are arrays (height, width), written as they are.
-    `durable` waits until file and folder are on the disk. Raises ValueError for arrays or a header
-    that do not fit, and OutputError when the file cannot be written; no temporary file stays.
+    such as "expand_map.Y"; float16 or float32) are arrays (height, width), written unchanged.
+    `durable` waits until file and folder are on the disk. Raises ValueError for invalid arrays or
+    headers, and OutputError if the file cannot be written; no temporary file is left behind.
     """
     import OpenEXR
 
@@ -124,7 +124,7 @@ def write_exr(
     if not COMPRESSIONS[header.compression].is_laid_out_here:
         OpenEXR.File(attributes, channels, num_threads=0).write(encoded)
         return write_whole(path, encoded.getbuffer(), durable=durable)
-    # OpenEXR writes the header of a picture of one pixel; the chunks are ours.
+    # OpenEXR writes the header of a one-pixel picture; we write the chunks.
     pixels = {name: np.zeros((1, 1), channel.dtype) for name, channel in channels.items()}
     OpenEXR.File(attributes, pixels, num_threads=0).write(encoded)
     height, width = channels["R"].shape
@@ -133,9 +133,9 @@ def write_exr(
 
 
 def read_exr(path: StrPath, part: str | None = None) -> ExrImage:
-    """Read all channels of a part of `path`; raises InputError unless it is whole.
+    """Read all channels of a part of `path`; raises InputError if it is damaged.
 
-    The part with that name or number (from 0), by default the first that has R, G and B.
+    `part` is a name or a number (from 0), by default the first part with R, G and B.
 
     >>> from itmo_video import convert, read_exr
     >>> _ = convert("photo.png", "out")
@@ -152,18 +152,18 @@ def read_exr(path: StrPath, part: str | None = None) -> ExrImage:
         if is_multi_part(data):
             return _part(data, part, os.fspath(path))
         if part not in (None, "0"):
-            raise InputError(f"it has no part {part}, only one", where=os.fspath(path))
+            raise InputError(f"there is no part {part}, only one", where=os.fspath(path))
         file = OpenEXR.File(io.BytesIO(data), header_only=True)
         channels = _pixels(OpenEXR.InputFile(io.BytesIO(data)))
         attributes = dict(file.header())
     except InputError:
         raise
-    except Exception as error:  # whatever its bindings make of a header, from TypeError on
-        reason = str(error) if isinstance(error, DamageError) else "its pixels do not decode"
+    except Exception as error:  # its bindings raise anything for a bad header, even TypeError
+        reason = str(error) if isinstance(error, DamageError) else "its pixels cannot be decoded"
         raise InputError(
-            f"not a whole EXR file: {reason}",
+            f"not an intact EXR file: {reason}",
             where=os.fspath(path),
-            remedy="Make or copy the file again.",
+            remedy="Write or copy the file again.",
         ) from error
     return ExrImage(channels, attributes)
 
@@ -178,7 +178,7 @@ def _part(data: bytes, wanted: str | None, where: str) -> ExrImage:
 
 
 def is_whole(path: StrPath) -> bool:
-    """Whether `path` opens and all its channels can be read; False too when it is missing."""
+    """Whether `path` exists and all its channels can be read."""
     try:
         read_exr(path)
     except InputError:
@@ -201,13 +201,13 @@ def _checked_channels(
             raise ValueError(f"channel {name} has shape {array.shape}, R has {rgb[0].shape}")
         if array.dtype not in allowed:
             raise ValueError(f"channel {name} is {array.dtype}")
-        # OpenEXR reads strided arrays as if they were contiguous, and keeps what it is handed.
+        # OpenEXR reads strided arrays as if they were contiguous, and keeps references to them.
         channels[name] = np.ascontiguousarray(array)
     return channels
 
 
 def compression_constant(name: str) -> Any:
-    """OpenEXR's constant for a compression of ours; raises ValueError for an unknown name."""
+    """OpenEXR's constant for a compression name; raises ValueError for an unknown one."""
     import OpenEXR
 
     if name not in WRITTEN:
@@ -244,7 +244,7 @@ def _attributes(header: ExrHeader) -> dict[str, Any]:
 
 
 def _rational(value: Fraction) -> Fraction:
-    """Bring a fraction into EXR's 32 bits (the nearest): OpenEXR would let it wrap around."""
+    """The nearest fraction that fits EXR's 32 bits, as OpenEXR would let it wrap around."""
     if abs(value.numerator) < 2**31 and value.denominator < 2**32:
         return value
     return value.limit_denominator(max(1, int((2**31 - 1) / (abs(value) + 1))))
@@ -255,7 +255,7 @@ def _utf8(text: str) -> str:
 
 
 def _timecode(text: str | None) -> Any:
-    """Make an OpenEXR.TimeCode, or None where SMPTE 12M's fields cannot hold it (FF above 29)."""
+    """An OpenEXR.TimeCode, or None if SMPTE 12M's fields cannot hold it (FF above 29)."""
     import OpenEXR
 
     match = re.fullmatch(r"(\d\d):(\d\d):(\d\d)([:;.])(\d\d)", text or "")
@@ -270,7 +270,7 @@ def _timecode(text: str | None) -> Any:
 
 
 def _pixels(file: Any) -> dict[str, npt.NDArray[Any]]:
-    """All channels of an OpenEXR.InputFile, whose readers raise: File's print and go on."""
+    """All channels of an OpenEXR.InputFile, whose readers raise errors; File's only print them."""
     header = file.header()
     low, high = header["dataWindow"].min, header["dataWindow"].max
     width, height = high.x - low.x + 1, high.y - low.y + 1
@@ -280,5 +280,5 @@ def _pixels(file: Any) -> dict[str, npt.NDArray[Any]]:
     ):
         shape = -(-height // kind.ySampling), -(-width // kind.xSampling)
         pixels = np.frombuffer(stored, _PIXEL_KINDS[kind.type.v])
-        found[name] = pixels.reshape(shape).copy()  # what is read may be written on
+        found[name] = pixels.reshape(shape).copy()  # writable
     return found

@@ -1,6 +1,6 @@
-"""What the attributes of our EXR headers and the channels of our layers mean, for the reference.
+"""The meaning of our EXR attributes and layer channels, for the reference.
 
-A test holds the names against a frame that is written.
+A test checks the names against a written frame.
 """
 
 from __future__ import annotations
@@ -9,19 +9,19 @@ ATTRIBUTES = {
     "chromaticities": "x and y of red, green, blue and white of the output primaries",
     "whiteLuminance": "luminance of 1.0 in nits (`--white-nits`, 203 unless set)",
     "colorInteropID": "colour space by the Color Interop Forum's name, such as lin_rec709_scene",
-    "framesPerSecond": "frame rate as a fraction; of a variable rate the mean; absent for stills",
-    "timeCode": "SMPTE timecode, where the source has one or `--timecode` gives it",
+    "framesPerSecond": "frame rate as a fraction; the mean of a variable rate; absent for stills",
+    "timeCode": "SMPTE timecode, if the source has one or `--timecode` sets it",
     "pixelAspectRatio": "width of a pixel over its height",
     "acesImageContainerFlag": "1 in SMPTE ST 2065-4 files: `--primaries aces2065-1 "
     "--compression none`",
     "owner": "`--owner`",
     "comments": "`--comments`",
     "itmoTime": "presentation time in the source in seconds, as a fraction",
-    "itmoSource": "name of the source's file",
+    "itmoSource": "file name of the source",
     "itmoSettings": "the settings that this frame depends on, as JSON",
-    "itmoFingerprint": "digest of all that the pixels depend on: settings, source, frame, version",
+    "itmoFingerprint": "hash of everything the pixels depend on: settings, source, frame, version",
 }
-"""Each attribute that a frame may have beside those that every EXR must have."""
+"""The attributes that a frame may have, apart from those required in every EXR."""
 
 LAYER_CHANNELS = {
     "expand_map.Y": "the Expand Map, 0 to 1: where the expansion applies",

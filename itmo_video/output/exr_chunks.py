@@ -1,4 +1,4 @@
-"""The bytes of an EXR file followed without decoding: its header, its table of chunks."""
+"""Checking the structure of an EXR file without decoding: its header and chunk table."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ _PLAIN_FLAGS = 0x2 | 0x400  # version 2, scan lines in one part, perhaps with lo
 
 
 class DamageError(Exception):
-    """Why a file cannot be whole."""
+    """Damage in a file; the message describes it."""
 
 
 def parse_header(data: bytes, position: int = 8) -> tuple[dict[str, tuple[str, bytes]], int]:
-    """Return (type, value) of a part's attributes by name, and where its header ends."""
+    """The attributes of a part, as (type, value) by name, and the end of its header."""
     if data[:4] != b"\x76\x2f\x31\x01":
-        raise DamageError("empty" if not data else "no EXR file at all")
+        raise DamageError("empty" if not data else "not an EXR file")
     attributes: dict[str, tuple[str, bytes]] = {}
     try:
         while data[position] != 0:
@@ -27,17 +27,17 @@ def parse_header(data: bytes, position: int = 8) -> tuple[dict[str, tuple[str, b
             start = type_end + 5
             (size,) = struct.unpack_from("<i", data, type_end + 1)
             if not 0 <= size <= len(data) - start:
-                raise DamageError("cut short in its header")
+                raise DamageError("truncated in the header")
             name, kind = data[position:name_end], data[name_end + 1 : type_end]
             attributes[name.decode("latin-1")] = kind.decode("latin-1"), data[start : start + size]
             position = start + size
     except (IndexError, ValueError, struct.error) as error:
-        raise DamageError("cut short in its header") from error
+        raise DamageError("truncated in the header") from error
     return attributes, position + 1
 
 
 def with_window(data: bytes, width: int, height: int) -> bytes:
-    """The bytes in front of a file's table of chunks, with windows of another size from (0, 0)."""
+    """The bytes before a file's chunk table, with the windows resized, from (0, 0)."""
     attributes, _ = parse_header(data)
     window = "box2i", struct.pack("<4i", 0, 0, width - 1, height - 1)
     attributes |= {"dataWindow": window, "displayWindow": window}
@@ -48,10 +48,10 @@ def with_window(data: bytes, width: int, height: int) -> bytes:
 
 
 def check_chunks(data: bytes) -> None:
-    """Follow the table of chunks through a plain scan line file: each must lie inside of it.
+    """Check the chunk table of a plain scan line file: every chunk must lie within the file.
 
-    Finds every file that was cut short or has holes in its table, quietly and without decoding;
-    other kinds of EXR file pass unseen.
+    Finds every file that is truncated or has holes in its table, without decoding; other kinds of
+    EXR files pass unchecked.
     """
     attributes, table = parse_header(data)
     flags = struct.unpack_from("<I", data, 4)[0]
@@ -59,7 +59,7 @@ def check_chunks(data: bytes) -> None:
         method = attributes["compression"][1][0]
         left, top, right, bottom = struct.unpack("<4i", attributes["dataWindow"][1])
     except (KeyError, IndexError, struct.error) as error:
-        raise DamageError("its header is incomplete") from error
+        raise DamageError("the header is incomplete") from error
     lines = CHUNK_LINES.get(method, 0)
     if flags & ~_PLAIN_FLAGS or not lines:
         return
@@ -68,21 +68,21 @@ def check_chunks(data: bytes) -> None:
     is_whole = b"\x01\0\0\0\x01\0\0\0" in attributes["channels"][1]  # not subsampled
     first = table + 8 * count
     if count < 1 or first > len(data):
-        raise DamageError("cut short")
+        raise DamageError("truncated")
     for index, offset in enumerate(struct.unpack_from(f"<{count}Q", data, table)):
         if not first <= offset <= len(data) - 8:
-            raise DamageError(f"cut short at line {index * lines}")
+            raise DamageError(f"truncated at line {index * lines}")
         y, size = struct.unpack_from("<ii", data, offset)
         if y != top + index * lines or not 0 < size <= len(data) - 8 - offset:
-            raise DamageError(f"cut short or damaged at line {index * lines}")
-        # What is not smaller when packed is stored as it is; OpenEXR trusts plain chunks blindly.
+            raise DamageError(f"truncated or damaged at line {index * lines}")
+        # Data that compression does not shrink is stored raw; OpenEXR does not check raw chunks.
         plain = line_bytes * min(lines, bottom - top + 1 - index * lines)
         if size > plain or (method == 0 and size != plain and is_whole):
             raise DamageError(f"damaged at line {index * lines}")
 
 
 def bytes_a_pixel(attributes: dict[str, tuple[str, bytes]]) -> int:
-    """The bytes of a pixel over all channels; subsampled ones count as whole."""
+    """The bytes per pixel over all channels; subsampled ones count fully."""
     _, value = attributes.get("channels", ("", b""))
     position = total = count = 0
     name = b""
@@ -91,7 +91,7 @@ def bytes_a_pixel(attributes: dict[str, tuple[str, bytes]]) -> int:
             end = value.index(0, position)
             name, before = value[position:end], name
             position = end + 1
-            # By the format in rising order; DWA's decoder crashes where they are not.
+            # The format requires rising order; DWA's decoder crashes otherwise.
             if name <= before or not name.isascii() or not name.decode().isprintable():
                 raise DamageError("its list of channels is damaged")
             kind, _, *sampling = struct.unpack_from("<4i", value, position)

@@ -1,4 +1,4 @@
-"""What an EXR's header claims, checked before memory is taken for it."""
+"""Checks of an EXR's header before memory is allocated for it."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _BYTES_OF = {
     "float": 4, "int": 4, "keycode": 28, "lineOrder": 1, "m33f": 36, "m44f": 64, "rational": 8,
     "tiledesc": 9, "timecode": 8, "v2f": 8, "v2i": 8, "v3f": 12, "v3i": 12,
 }  # fmt: skip
-_REQUIRED = {  # by the format; OpenEXR's reader crashes where they are not what they should be
+_REQUIRED = {  # by the format; OpenEXR's reader crashes if they are wrong
     "channels": "chlist", "compression": "compression", "dataWindow": "box2i",
     "displayWindow": "box2i", "lineOrder": "lineOrder", "pixelAspectRatio": "float",
     "screenWindowCenter": "v2f", "screenWindowWidth": "float",
@@ -23,12 +23,12 @@ _DEEP = 0x800  # of the version field
 
 
 def check_claims(data: bytes) -> None:
-    """Raise DamageError for a header that cannot be meant, or whose pixels take too much memory.
+    """Raise DamageError for an implausible header, or one whose pixels take too much memory.
 
-    Of files of several parts each is looked at.
+    All parts of a multi-part file are checked.
     """
     if data[4:8] and int.from_bytes(data[4:8], "little") & _DEEP:
-        raise DamageError("it is deep, with several samples a pixel, which is not read here")
+        raise DamageError("deep images, with several samples per pixel, are not supported")
     for attributes in headers(data):
         _check_part(attributes)
 
@@ -36,35 +36,35 @@ def check_claims(data: bytes) -> None:
 def _check_part(attributes: dict[str, tuple[str, bytes]]) -> None:
     for name, kind in _REQUIRED.items():
         if attributes.get(name, ("", b""))[0] != kind:
-            raise DamageError(f"its header is incomplete: it has no {name}")
+            raise DamageError(f"the header is incomplete: {name} is missing")
     for name, (kind, value) in attributes.items():
         if len(value) != _BYTES_OF.get(kind, len(value)):
-            raise DamageError(f"its {name[:40]!r} is of {len(value)} bytes, which no {kind} is")
+            raise DamageError(f"attribute {name[:40]!r} has {len(value)} bytes, invalid for {kind}")
     width, height = _window(attributes["dataWindow"][1])
     shown = _window(attributes["displayWindow"][1])
     pixel_bytes = bytes_a_pixel(attributes)
     if shown[0] * shown[1] * pixel_bytes > MOST_PIXEL_BYTES:
-        raise DamageError(f"it claims to be shown as {shown[0]}x{shown[1]} pixels")
+        raise DamageError(f"the display window is implausible: {shown[0]}x{shown[1]} pixels")
     if (tiles := attributes.get("tiles", ("", b""))[1]) and (
         len(tiles) != 9
         or not 0 < pixel_bytes * int.from_bytes(tiles[:4], "little")
         * int.from_bytes(tiles[4:8], "little") <= _MOST_TILE_BYTES
     ):  # fmt: skip
-        raise DamageError("it claims tiles of a size that cannot be meant")
+        raise DamageError("the tile size is implausible")
     if (needed := width * height * pixel_bytes) > MOST_PIXEL_BYTES:
         raise DamageError(
-            f"it claims {width}x{height} pixels, which take {needed / 2**30:.1f} GB"
+            f"{width}x{height} pixels would take {needed / 2**30:.1f} GB"
             f" (limit {MOST_PIXEL_BYTES / 2**30:g} GB)"
         )
     for name, (kind, value) in attributes.items():
         if kind == "rational" and value[4:] == b"\0\0\0\0":
-            raise DamageError(f"its {name} is not a number")
+            raise DamageError(f"attribute {name} is not a number")
 
 
 def _window(value: bytes) -> tuple[int, int]:
     if len(value) != 16:
-        raise DamageError("its header is incomplete")
+        raise DamageError("the header is incomplete")
     left, top, right, bottom = struct.unpack("<4i", value)
     if right < left or bottom < top:
-        raise DamageError("it claims a picture of no size")
+        raise DamageError("the picture has no pixels")
     return right - left + 1, bottom - top + 1

@@ -1,10 +1,10 @@
-"""The chunks of a scan line EXR file from planes, quicker than by OpenEXR's own writer.
+"""Encoding planes to the chunks of a scan line EXR file, faster than OpenEXR's own writer.
 
-Uncompressed lines need no library. ZIP and ZIPS blocks are zlib streams, which any reader opens:
-where a picture has grain its bytes do not repeat, and Huffman's code alone (deflate.c) makes them
-smaller than libdeflate's lowest level does, in a quarter of the time. Where they do repeat, in
-drawings and grey pictures, it is libdeflate; a few lines in each group tell which. Pixels are the
-same to the bit. (ISA-L is quick as well, but now and then packs the same bytes in another way.)
+Uncompressed lines need no library. ZIP and ZIPS blocks are zlib streams, which any reader can
+open: pictures with grain have no repeating bytes, and Huffman coding alone (deflate.c) compresses
+them better than libdeflate's lowest level, in a quarter of the time. Pictures that do repeat, such
+as drawings and grey pictures, use libdeflate; a few lines of each group decide. Pixels are
+identical to the bit. (ISA-L is fast, too, but its output is not always the same.)
 """
 
 from __future__ import annotations
@@ -25,16 +25,16 @@ from itmo_video.kernels.dispatch import with_compiled_form
 Planes = Mapping[str, npt.NDArray[Any]]
 Bytes2D = npt.NDArray[np.uint8]
 
-_LEVEL = 1  # of libdeflate's 1 to 12; OpenEXR's own is 4
-_GROUP_LINES = 48  # lines laid out at a time: at 1080p they stay in the second-level cache
+_LEVEL = 1  # of libdeflate's 1 to 12; OpenEXR uses 4
+_GROUP_LINES = 48  # lines laid out at a time; at 1080p they fit into the L2 cache
 
 
 def scanline_file(header: bytes, planes: Planes, compression: str) -> Iterator[bytes | memoryview]:
-    """The whole file in parts, each to be written before the next is asked for.
+    """The whole file in parts, each to be written before the next is requested.
 
-    `header` is all in front of the table of chunks, with a data window that begins at line 0;
+    `header` is everything before the chunk table, with a data window that starts at line 0;
     `planes` are its channels, contiguous float16 or float32 of one shape (height, width).
-    `compression` is one of those that are laid out here.
+    `compression` is one of those supported here.
     """
     # The order of OpenEXR's channel list, which compares names as bytes.
     ordered = [planes[name] for name in sorted(planes, key=lambda name: name.encode())]
@@ -57,7 +57,7 @@ def scanline_file(header: bytes, planes: Planes, compression: str) -> Iterator[b
 def _line_groups(planes: list[npt.NDArray[Any]], room: int) -> Iterator[tuple[int, Bytes2D]]:
     """Lines as stored, `room` bytes and then each channel's: (first line, (lines, bytes)).
 
-    The array is the same each time, filled anew.
+    The same array is reused each time.
     """
     height = planes[0].shape[0]
     little = [plane.astype(plane.dtype.newbyteorder("<"), copy=False) for plane in planes]
@@ -73,7 +73,7 @@ def _line_groups(planes: list[npt.NDArray[Any]], room: int) -> Iterator[tuple[in
 
 
 def _chunk_heads(top: int, count: int, size: int) -> Bytes2D:
-    """Line number and size in bytes of chunks of one line: (count, 8)."""
+    """The headers, line number and size, of one-line chunks: (count, 8)."""
     heads = np.empty((count, 2), "<i4")
     heads[:, 0] = np.arange(top, top + count)
     heads[:, 1] = size
@@ -85,14 +85,14 @@ def _zip_chunks(planes: list[npt.NDArray[Any]], lines: int) -> Iterator[bytes]:
     for top, group in _line_groups(planes, 0):
         pack = _packer(group, lines)
         whole = len(group) // lines * lines
-        # The last block of the picture may be a short one.
+        # The last block of the picture may be shorter.
         parts = [(0, group[:whole].reshape(-1, lines * group.shape[1]))] if whole else []
         if whole < len(group):
             parts.append((whole, group[whole:].reshape(1, -1)))
         for start, blocks in parts:
             packed = pack(scratch.predict(blocks))
             for i, (block, data) in enumerate(zip(blocks, packed, strict=True)):
-                if len(data) >= block.size:  # a reader takes a block of full size as it is
+                if len(data) >= block.size:  # readers take a block of full size as raw
                     data = block.tobytes()
                 yield struct.pack("<ii", top + start + i * lines, len(data)) + data
 
@@ -100,7 +100,7 @@ def _zip_chunks(planes: list[npt.NDArray[Any]], lines: int) -> Iterator[bytes]:
 def _lesser_packer(
     loaded: ctypes.CDLL, group: Bytes2D, lines: int
 ) -> Callable[[Bytes2D], list[bytes]]:
-    """Whatever makes the less of a line or two in the group's middle, as a block of their own."""
+    """The compressor that does better on a line or two from the middle of the group."""
     middle = len(group) // 2
     sample = Predictor().predict(group[middle : middle + min(lines, 2)].reshape(1, -1))
     by_code = compiled.pack_literals(loaded, sample)
@@ -121,15 +121,15 @@ def _deflated(blocks: Bytes2D) -> list[bytes]:
 
 
 class Predictor:
-    """EXR's rearrangement ahead of deflate, in buffers that are used again."""
+    """EXR's byte reordering before deflate, in reused buffers."""
 
     def __init__(self) -> None:
         self._halves = self._differences = np.empty((0, 0), np.uint8)
 
     def predict(self, blocks: Bytes2D) -> Bytes2D:
-        """Each row's even bytes, then its odd ones; of those the differences, plus 128.
+        """Each row's even bytes, then its odd ones, as differences plus 128.
 
-        (blocks, bytes) in and out, an even number of bytes; the result is filled anew each time.
+        (blocks, bytes) in and out, an even number of bytes; the result is reused each time.
         """
         count, size = blocks.shape
         if self._halves.shape[0] < count or self._halves.shape[1] != size:

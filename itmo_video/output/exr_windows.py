@@ -1,4 +1,4 @@
-"""Other programs' EXR files: the data window in the display window, and the part that is meant."""
+"""Other programs' EXR files: data and display windows, and choosing a part."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _MULTI_PART = 0x1000  # of the version field
 
 
 def in_display_window(pixels: npt.NDArray[Any], attributes: Mapping[str, Any]) -> npt.NDArray[Any]:
-    """A channel as it is to be seen: its data window placed in the display window, 0 around it."""
+    """A channel as displayed: its data window placed in the display window, 0 around it."""
     (left, top), (right, bottom) = (np.asarray(c, np.int64) for c in attributes["displayWindow"])
     (x, y), _ = (np.asarray(corner, np.int64) for corner in attributes["dataWindow"])
     height, width = pixels.shape
@@ -52,9 +52,9 @@ def headers(data: bytes) -> Iterator[dict[str, tuple[str, bytes]]]:
 
 
 def part_index(parts: Sequence[Any], wanted: str | None, where: str) -> int:
-    """Which of OpenEXR's parts is meant: by name, by number, or the first that has R, G and B."""
+    """The index of a part: by name, by number, or the first with R, G and B."""
     if not parts:
-        raise DamageError("no part of it can be read")
+        raise DamageError("it has no readable part")
     names = [str(part.header.get("name", number)) for number, part in enumerate(parts)]
     if wanted is None:
         pictures = [n for n, part in enumerate(parts) if {"R", "G", "B"} <= set(part.channels)]
@@ -63,4 +63,6 @@ def part_index(parts: Sequence[Any], wanted: str | None, where: str) -> int:
         return names.index(wanted)
     if wanted.isdecimal() and int(wanted) < len(parts):
         return int(wanted)
-    raise InputError(f"it has no part {wanted}", where=where, remedy=f"It has {', '.join(names)}.")
+    raise InputError(
+        f"there is no part {wanted}", where=where, remedy=f"Parts: {', '.join(names)}."
+    )

@@ -1,4 +1,4 @@
-"""A frame's fingerprint: a hash of all that its pixels depend on, kept in its file's header."""
+"""A frame's fingerprint: a hash of everything its pixels depend on, stored in its header."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import json
 from collections.abc import Mapping
 from typing import Any
 
-_UNTOLD_ALGORITHMS = range(1, 7)  # until 6 manifests did not say which
+_UNTOLD_ALGORITHMS = range(1, 7)  # up to 6, manifests did not record the algorithm
 
 
 def fingerprint_text(
@@ -17,10 +17,10 @@ def fingerprint_text(
     arithmetic: str | None,
     operator_version: str | None = None,
 ) -> str:
-    """What all frames of one look depend on, as text, equal for equal values.
+    """Everything that all frames of one look depend on, as text, equal for equal values.
 
-    `settings` are plain values by name (Settings.as_dict); `arithmetic` is None in folders of
-    before it was recorded; `operator_version` tells versions of a user's operator apart.
+    `settings` are plain values by name (Settings.as_dict); `arithmetic` is None in folders from
+    before it was recorded; `operator_version` distinguishes versions of a user's operator.
     """
     common: dict[str, Any] = {"source": source_digest, "algorithm": algorithm}
     if arithmetic is not None:
@@ -38,10 +38,10 @@ def fingerprint(text: str, index: int) -> str:
 def fingerprints_told(
     told: Mapping[str, Any], changed: Mapping[str, Any], source_digest: str, index: int
 ) -> list[str]:
-    """What a frame's may be by its folder's manifest: its settings, and what a shot `changed`.
+    """The fingerprints that a frame may have by its folder's manifest, with a shot's changes.
 
-    One; or one for each algorithm, in folders whose manifest names none. Names that a later version
-    may have added count as settings.
+    One, or one per algorithm in folders whose manifest names none. Names added by a later version
+    count as settings.
     """
     values = {**told, **changed}
     for name in ("first_number", "shots"):

@@ -1,8 +1,8 @@
-"""The folder that one clip's frames go to: its owner, its content, what can be cleared away.
+"""The output folder of a clip's frames: its manifest, its content, and cleaning up.
 
-One JSON manifest names the source and the settings; each frame carries its own fingerprint. Several
-processes, on several machines, may work in one folder at the same time: nothing here locks, every
-file appears whole by a rename, and the manifest is created by exactly one of them.
+One JSON manifest names the source and the settings; each frame has its own fingerprint. Several
+processes, on several machines, may work in one folder at the same time without locks: every file
+appears by an atomic rename, and exactly one process creates the manifest.
 """
 
 from __future__ import annotations
@@ -37,15 +37,15 @@ Forms = Callable[[int], FrameForm | None]  # of frames by number
 _PROBLEMS: dict[FrameState, str] = {
     "missing": "missing",
     "damaged": "damaged; run the same command again to re-render it",
-    "other": "made with other settings or from another source; --update re-renders it",
+    "other": "rendered with other settings or from another source; --update re-renders it",
 }
 
 
 class OutputFolder:
-    """One clip's output folder. Making the object touches nothing on the disk.
+    """One clip's output folder. Creating the object does not access the disk.
 
-    `stem` begins each frame's name, `digits` is the least number of digits in it. Raises ValueError
-    for a stem that cannot begin a file name.
+    `stem` starts each frame's name, `digits` is the minimum number of digits in it. Raises
+    ValueError for a stem that cannot start a file name.
     """
 
     def __init__(self, path: StrPath, stem: str, digits: int = 4) -> None:
@@ -57,44 +57,44 @@ class OutputFolder:
 
     @property
     def manifest_path(self) -> Path:
-        """Where the manifest lies."""
+        """The path of the manifest."""
         return self.path / MANIFEST_NAME
 
     def frame_path(self, number: int) -> Path:
-        """Name the file of frame `number`, counted as in the file names, from 0 up."""
+        """The file of frame `number`, as in file names, 0 or more."""
         if number < 0:
             raise ValueError(f"frame number {number} is negative")
         return self.path / f"{self.stem}.{number:0{self.digits}d}.exr"
 
     def frame_numbers(self) -> list[int]:
-        """List the numbers of the frames that are there, whole or not, in rising order."""
+        """The numbers of existing frames, intact or not, in rising order."""
         pattern = re.compile(re.escape(self.stem) + rf"\.(\d{{{self.digits},}})\.exr", re.ASCII)
         matches = [match for match in map(pattern.fullmatch, self._names()) if match]
-        # "clip.00007.exr" is no frame of ours: 7 has four digits.
+        # "clip.00007.exr" is not ours: 7 is written with four digits.
         return sorted(int(m[1]) for m in matches if self.frame_path(int(m[1])).name == m[0])
 
     def is_nobodys(self) -> bool:
-        """Whether files lie in it, names with a leading dot apart, and none is a manifest."""
+        """Whether it has files (other than dot files) but no manifest."""
         names = self._names()
         return MANIFEST_NAME not in names and any(name[0] != "." for name in names)
 
     def check(self, manifest: Manifest, *, overwrite: bool = False, update: bool = False) -> None:
-        """Raise OutputError where `claim` would refuse the folder; writes nothing."""
+        """Raise OutputError if `claim` would refuse the folder; writes nothing."""
         self._plan(manifest, overwrite, update)
 
     def claim(self, manifest: Manifest, *, overwrite: bool = False, update: bool = False) -> None:
-        """Make the folder this conversion's: create it and its manifest, or join in.
+        """Claim the folder for this conversion: create it and its manifest, or join.
 
-        Any number of processes may claim it at once with the same manifest. No file but the
-        manifest is touched: frames of before stay until they are made again. Raises OutputError
-        for another's or nobody's files unless `overwrite` is given, for this source's with other
-        settings unless `overwrite` or `update` is, and when nothing can be written there.
+        Any number of processes may claim it at once with the same manifest. Only the manifest is
+        written: older frames stay until they are re-rendered. Raises OutputError for another
+        conversion's or unrelated files without `overwrite`, for other settings of this source
+        without `overwrite` or `update`, and if the folder cannot be written.
         """
         try:
             self.path.mkdir(parents=True, exist_ok=True)
         except FileExistsError as error:
             raise OutputError(
-                "it is a file, not a folder", where=str(self.path), remedy="Choose another name."
+                "is a file, not a folder", where=str(self.path), remedy="Choose another name."
             ) from error
         except OSError as error:
             raise output_error(error, self.path) from error
@@ -115,17 +115,17 @@ class OutputFolder:
             if overwrite:
                 return "replace"
             raise OutputError(
-                error.what, where=error.where, remedy="Choose another folder, or --overwrite."
+                error.what, where=error.where, remedy="Choose another folder, or use --overwrite."
             ) from error
         if present is None:
             if overwrite or not self.is_nobodys():
                 return "create"
-            if os.path.exists(self.manifest_path):  # another process has claimed it just now
+            if os.path.exists(self.manifest_path):  # another process has just claimed it
                 return self._plan(manifest, overwrite, update)
             raise OutputError(
-                "the folder holds files that are not from a conversion",
+                "the folder contains files that are not from a conversion",
                 where=str(self.path),
-                remedy="Choose an empty or new folder, or --overwrite to write among them.",
+                remedy="Choose an empty or new folder, or use --overwrite to write among them.",
             )
         wanted = Manifest.from_json(manifest.to_json())  # tuples become lists, as in the file
         if present == wanted:
@@ -136,18 +136,18 @@ class OutputFolder:
         changed = _differences(present.settings, wanted.settings)
         if changed and not update:
             raise OutputError(
-                f"the folder was made with other settings ({', '.join(changed)})",
+                f"the folder was converted with other settings ({', '.join(changed)})",
                 where=str(self.path),
-                remedy="--update re-renders the frames that change, --overwrite all of them;"
-                " or choose another folder.",
+                remedy="Use --update to re-render the frames that change, --overwrite for all; "
+                "or choose another folder.",
             )
-        return "replace" if changed else "join"  # a source that was only renamed is the same
+        return "replace" if changed else "join"  # a renamed source is still the same
 
     def state(self, number: int, fingerprint: str, form: FrameForm | None = None) -> FrameState:
-        """Tell what is there of a frame: it counts as whole only if all its channels can be read.
+        """The state of a frame, which is intact only if all its channels can be read.
 
-        A whole file with another `fingerprint`, or none, is "other". One with the fingerprint whose
-        windows, channels or compression are not of the `form` was tampered with: "damaged".
+        An intact file with another `fingerprint`, or none, is "other". One with the fingerprint but
+        with windows, channels or compression that differ from `form` was modified: "damaged".
         """
         path = self.frame_path(number)
         if not os.path.lexists(path):
@@ -155,7 +155,7 @@ class OutputFolder:
         try:
             image = read_exr(path)
         except InputError:
-            # Removed or being renamed meanwhile is not damage.
+            # Being removed or renamed meanwhile is not damage.
             return "damaged" if os.path.lexists(path) else "missing"
         if image.fingerprint != fingerprint:
             return "other"
@@ -164,11 +164,11 @@ class OutputFolder:
     def states(
         self, fingerprints: Mapping[int, str], jobs: int = 1, forms: Forms = lambda number: None
     ) -> dict[int, FrameState]:
-        """Tell the `state` of each frame, looking at `jobs` of them at a time."""
+        """Yield the `state` of each frame, checking `jobs` of them at a time."""
         states: dict[int, FrameState] = {}
         numbers = iter(sorted(fingerprints))
         with ThreadPoolExecutor(jobs, thread_name_prefix="look") as pool:
-            # In batches: a film has more frames than should wait in a pool, and Ctrl-C must work.
+            # In batches, so that the pool's queue stays short and Ctrl-C works.
             while batch := list(islice(numbers, 16 * jobs)):
                 found = pool.map(lambda n: self.state(n, fingerprints[n], forms(n)), batch)
                 states.update(zip(batch, found, strict=True))
@@ -179,7 +179,7 @@ class OutputFolder:
     ) -> list[tuple[Path, str]]:
         """Check frames by number against their fingerprints; return (path, problem) for each fault.
 
-        The manifest is checked too. An empty list means that all is as it should be.
+        The manifest is checked, too. An empty list means that everything is intact.
         """
         faults: list[tuple[Path, str]] = []
         try:
@@ -193,7 +193,7 @@ class OutputFolder:
         return faults
 
     def sweep_temp_files(self) -> int:
-        """Remove what dead processes of this machine left; see atomic.sweep_temp_files."""
+        """Remove leftovers of dead processes; see atomic.sweep_temp_files."""
         return sweep_temp_files(self.path)
 
     def _names(self) -> list[str]:
@@ -205,18 +205,18 @@ class OutputFolder:
             raise output_error(error, self.path) from error
 
     def _create_manifest(self, data: bytes) -> bool:
-        """Create the manifest, whole at once; False when another process was first."""
+        """Create the manifest atomically; False if another process was first."""
         temp = temp_path(self.manifest_path)
         write_whole(temp, data, durable=True)
         try:
-            # A rename would replace what another process has just made; a link cannot.
+            # A rename would replace another process's new manifest; a link cannot.
             (os.rename if os.name == "nt" else os.link)(temp, self.manifest_path)
         except FileExistsError:
             return False
         except OSError as error:
             if error.errno not in (errno.EPERM, errno.EOPNOTSUPP, errno.ENOSYS, errno.EMLINK):
                 raise output_error(error, self.manifest_path) from error
-            write_whole(self.manifest_path, data, durable=True)  # a file system without links
+            write_whole(self.manifest_path, data, durable=True)  # the file system has no links
         finally:
             with suppress(OSError):
                 temp.unlink()
@@ -225,12 +225,12 @@ class OutputFolder:
 
 def _refuse_another(present: Manifest, wanted: Manifest, where: str) -> None:
     if present.source_digest != wanted.source_digest:
-        what = f"the folder holds the frames of another source, {present.source_name!r}"
+        what = f"the folder contains the frames of another source, {present.source_name!r}"
     elif present.stem != wanted.stem:
-        what = f"the folder holds this source's frames already, named {present.stem!r}"
+        what = f"the folder already contains this source's frames, named {present.stem!r}"
     else:
         return
-    raise OutputError(what, where=where, remedy="Choose another folder, or --overwrite.")
+    raise OutputError(what, where=where, remedy="Choose another folder, or use --overwrite.")
 
 
 def _differences(old: Mapping[str, object], new: Mapping[str, object]) -> list[str]:
@@ -240,7 +240,7 @@ def _differences(old: Mapping[str, object], new: Mapping[str, object]) -> list[s
             return f"{value:.6g}"
         return json.dumps(value, sort_keys=True) if name in values else "unset"
 
-    # Folders of before it was recorded are told by their frames' fingerprints.
+    # In folders from before it was recorded, the frames' fingerprints decide.
     names = sorted((old.keys() | new.keys()) - ({"algorithm"} - old.keys()))
     pairs = ((name, show(old, name), show(new, name)) for name in names)
     changed = [
@@ -254,7 +254,7 @@ def _differences(old: Mapping[str, object], new: Mapping[str, object]) -> list[s
 
 
 def _shots_changed(old: Mapping[str, object], new: Mapping[str, object]) -> str:
-    """Which frames' shots differ, by the numbers of their files."""
+    """The shots that differ, by the frame numbers of their files."""
     first, rows = new.get("first_number", 1), list[str]()
     both = [
         {json.dumps(shot): shot for shot in shots} if isinstance(shots, list) else {}

@@ -1,4 +1,4 @@
-"""Names that people give where a folder is asked for, and that mean something else."""
+"""Detecting names given for the output folder that mean something else."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ PICTURE_SUFFIXES = (
 
 
 def check_folder_name(path: StrPath, source: StrPath = "INPUT") -> None:
-    """Raise UsageError for a name that means a film, a picture or a pipe; a folder may have any.
+    """Raise UsageError for the name of a film, a picture or a pipe, unless such a folder exists.
 
-    So may a name that ends in a slash. `source` is named in the remedy.
+    A name that ends in a slash is always allowed. `source` is used in the remedy.
     """
     name, text = os.path.basename(path), os.fspath(path)
     suffix = os.path.splitext(name)[1].lower()
@@ -27,18 +27,18 @@ def check_folder_name(path: StrPath, source: StrPath = "INPUT") -> None:
         return
     if text == "-":
         raise UsageError(
-            "EXR files go to a folder, not to standard output",
-            remedy=f"Name a folder; or make a film: itmo-video preview {source} film.mp4",
+            "EXR files are written to a folder, not to standard output",
+            remedy=f"Give a folder; or encode a film: itmo-video preview {source} film.mp4",
         )
     if suffix in FILM_SUFFIXES:
         raise UsageError(
-            f"{name} is a film's name, and convert makes a folder of EXR files",
+            f"{name} is the name of a film, but convert writes a folder of EXR files",
             remedy=f"Did you mean: itmo-video preview {source} {text}, "
             f"or the folder {os.path.splitext(text)[0]}/",
         )
     if suffix in PICTURE_SUFFIXES:
         preview = "" if suffix == ".exr" else f"itmo-video preview {source} {text} --frame 1, or "
         raise UsageError(
-            f"{name} is a picture's name, and convert makes a folder of numbered EXR files",
+            f"{name} is the name of a picture, but convert writes a folder of numbered EXR files",
             remedy=f"Did you mean: {preview}the folder {os.path.splitext(text)[0]}/",
         )

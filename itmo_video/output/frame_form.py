@@ -1,4 +1,4 @@
-"""What a frame's file must look like, beside its pixels, to count as the one that is wanted."""
+"""The properties, apart from pixels, that a frame's file must have to be up to date."""
 
 from __future__ import annotations
 
@@ -9,16 +9,16 @@ from itmo_video.output.exr import ExrImage, compression_constant
 
 @dataclass(frozen=True)
 class FrameForm:
-    """Size (width, height) in pixels, channels by their full names, and the compression's name."""
+    """Size (width, height) in pixels, full channel names, and the name of the compression."""
 
     size: tuple[int, int]
     channels: frozenset[str]
     compression: str
 
     def is_of(self, image: ExrImage) -> bool:
-        """Whether a whole file has this form: both windows from (0, 0), and nothing more or less.
+        """Whether an intact file has exactly this form, with both windows starting at (0, 0).
 
-        A file whose windows were changed still opens, with other pixels or in another place.
+        A file with modified windows still opens, but with other pixels or at another position.
         """
         window = (0, 0), (self.size[0] - 1, self.size[1] - 1)
         windows = (image.attributes.get(name) for name in ("dataWindow", "displayWindow"))

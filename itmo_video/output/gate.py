@@ -1,8 +1,8 @@
-"""The one gate for single files that are written: what exists already, and who owns it.
+"""The gate through which all single files are written: checks existing files first.
 
-A command's inputs are never written over, whatever is asked; another file only where that is asked
-for and the file is of the kind that is written. Checked before any work (`check`), and again when
-the finished file takes its name (`put`).
+A command's inputs are never overwritten; another file only on request, and only if it is of the
+kind that is written. Checked before any work (`check`), and again when the finished file gets its
+name (`put`).
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ PAGE_MARK = b'<meta name="generator" content="itmo-video">'
 
 @dataclass(frozen=True)
 class Kind:
-    """A kind of file by what its first bytes say; `word` names it to the user."""
+    """A kind of file, recognised by its first bytes; `word` is its name for the user."""
 
     word: str
     begins: Callable[[bytes], bool]
@@ -56,11 +56,11 @@ ANALYSIS = Kind("analysis", lambda head: b'"itmo_video_analysis"' in head)
 
 
 class Gate:
-    """A file to be written at `path`, and what must not be lost to it.
+    """A file to be written to `path`, and what must not be overwritten.
 
-    `inputs` are the files that the command reads. `source_digest` is the content of a film that a
-    folder was made of, which may lie anywhere. `is_ours` lets a file of its kind be replaced
-    unasked, where that kind is nobody's work but ours.
+    `inputs` are the files that the command reads. `source_digest` is the hash of the film that a
+    folder was converted from, which may be anywhere. `is_ours` allows replacing a file of this kind
+    without being asked, for kinds that only we write.
     """
 
     def __init__(
@@ -79,15 +79,15 @@ class Gate:
         self._inputs = {_identity(file) for file in inputs} - {None}
 
     def check(self) -> None:
-        """Raise OutputError where the file may not be written; clears up after killed runs."""
+        """Raise OutputError if the file may not be written; cleans up after killed runs."""
         sweep_temp_files(self.path.parent)
         if os.path.lexists(self.path):
             self._check_present()
         elif not self.path.parent.is_dir():
-            raise self._refused("its folder does not exist", "Make the folder, or choose another.")
+            raise self._refused("the folder does not exist", "Create it, or choose another.")
 
     def put(self, temp: Path) -> None:
-        """Give the finished file `temp`, beside `path`, its name; raises OutputError as `check`."""
+        """Rename the finished file `temp`, next to `path`; raises OutputError like `check`."""
         try:
             if not os.path.lexists(self.path):
                 if _is_linked(temp, self.path):
@@ -101,7 +101,7 @@ class Gate:
             raise output_error(error, self.path) from error
 
     def write(self, data: bytes) -> int:
-        """Put `data` there whole, by way of a temporary file; returns its size in bytes."""
+        """Write `data` atomically via a temporary file; returns the size in bytes."""
         temp = temp_path(self.path.absolute())
         try:
             try:
@@ -130,23 +130,23 @@ class Gate:
             raise self._refused("it is a broken link", "Choose another name.") from error
         except (OSError, InputError) as error:
             raise self._refused(
-                "an existing file there cannot be read", "Choose another name."
+                "a file of this name exists and cannot be read", "Choose another name."
             ) from error
         if is_source:
             raise self._refused("it is the source of this folder", "Choose another name.")
         if head and not self._kind.begins(head):
             raise self._refused(
-                f"there is a file that is no {self._kind.word}", "Choose another name."
+                f"a file exists there that is not a {self._kind.word}", "Choose another name."
             )
         if not self._replaces or (not head and not self._overwrite):
-            raise self._refused("it exists already", "Choose another name, or --overwrite.")
+            raise self._refused("file exists", "Choose another name, or use --overwrite.")
 
     def _refused(self, what: str, remedy: str) -> OutputError:
         return OutputError(f"not written: {what}", where=os.fspath(self.path), remedy=remedy)
 
 
 def _identity(path: StrPath) -> tuple[int, int] | None:
-    """What identifies a file whatever it is called: through links, in any case."""
+    """The identity of a file, independent of links and upper or lower case."""
     try:
         found = os.stat(path)
     except (OSError, ValueError):
@@ -155,7 +155,7 @@ def _identity(path: StrPath) -> tuple[int, int] | None:
 
 
 def _is_linked(temp: Path, path: Path) -> bool:
-    """Name `temp` as `path` unless somebody was first; a rename would replace what they made."""
+    """Rename `temp` to `path` unless it exists by now; a plain rename would replace it."""
     if os.name == "nt":
         return False
     try:

@@ -1,4 +1,4 @@
-"""The manifest of an output folder: its owner, by source and settings."""
+"""The manifest of an output folder: its source and settings."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ MANIFEST_FORMAT = 2
 
 @dataclass(frozen=True)
 class Manifest:
-    """Whose a folder is: the source by name and content, the frames' stem, the effective settings.
+    """A folder's source by name and content, the frames' stem, and the effective settings.
 
-    `settings` holds what the pixels depend on, as JSON values; nothing of a run (ranges, jobs,
-    paths, times), so that all processes of a conversion make the same manifest. `source_frames` is
-    how many frames the source has, None where that was not known (a pipe, an older version).
+    `settings` contains what the pixels depend on, as JSON values, and nothing about a run (ranges,
+    jobs, paths, times), so that all processes of a conversion write the same manifest.
+    `source_frames` is the source's frame count, None if unknown (a pipe, an older version).
     """
 
     source_name: str
@@ -32,13 +32,13 @@ class Manifest:
     format: int = MANIFEST_FORMAT
 
     def to_json(self) -> str:
-        """Write it as JSON text, equal for equal manifests; other values raise TypeError."""
-        # Undecodable bytes of file names stay escaped: only ASCII is sure to be written.
+        """The manifest as JSON text, equal for equal manifests; other values raise TypeError."""
+        # Undecodable bytes of file names stay escaped, as only ASCII can always be written.
         return json.dumps(asdict(self), indent=1, sort_keys=True, allow_nan=False) + "\n"
 
     @classmethod
     def from_json(cls, text: str, *, where: str = MANIFEST_NAME) -> Manifest:
-        """Read JSON text; raises InputError, naming `where`, unless it is a manifest of ours."""
+        """Parse JSON text; raises InputError, naming `where`, unless it is a valid manifest."""
         try:
             data = parse_json(text)
         except ValueError as error:
@@ -51,27 +51,27 @@ class Manifest:
         kinds |= {"format": int, "settings": dict, "source_frames": int | None}
         for name, kind in kinds.items():
             if not isinstance(data.get(name), kind):
-                raise _bad_manifest(f"{name!r} is missing or of the wrong kind", where)
+                raise _bad_manifest(f"{name!r} is missing or of the wrong type", where)
         count = data.get("source_frames")
         if isinstance(count, bool) or (count is not None and count < 0):
-            raise _bad_manifest("'source_frames' is no count", where)
+            raise _bad_manifest("'source_frames' is not a count", where)
         values: dict[str, Any] = {name: data.get(name) for name in kinds}
         return cls(**values)
 
 
 def read_manifest(folder: StrPath) -> Manifest | None:
-    """Read the manifest of `folder`; None when it has none, InputError when it is not valid."""
+    """Read the manifest of `folder`; None if it has none, InputError if it is invalid."""
     path = Path(folder) / MANIFEST_NAME
     try:
         text = read_text(path)
     except InputError as error:
         if not isinstance(error.__cause__, FileNotFoundError | NotADirectoryError):
             raise _bad_manifest(error.what, str(path)) from error
-        if path.is_symlink():  # to nothing: neither a manifest nor a free place for one
+        if path.is_symlink():  # a broken link is neither a manifest nor a free name
             raise _bad_manifest("it is a broken link", str(path)) from error
         return None
     return Manifest.from_json(text, where=str(path))
 
 
 def _bad_manifest(why: str, where: str) -> InputError:
-    return InputError(f"not a valid manifest: {why}", where=where, remedy="Convert the clip again.")
+    return InputError(f"invalid manifest: {why}", where=where, remedy="Convert the clip again.")

@@ -88,7 +88,7 @@ def test_an_attribute_that_swallows_the_next(name: str, made: Path, tmp_path: Pa
     data = bytearray((made / "o/c.0001.exr").read_bytes())
     data[attribute_at(bytes(data), name) - 4] += 88
     (tmp_path / "m.exr").write_bytes(data)
-    with pytest.raises(InputError, match="not a whole EXR file"):
+    with pytest.raises(InputError, match="not an intact EXR file"):
         read_exr(tmp_path / "m.exr")
 
 

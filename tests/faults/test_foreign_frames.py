@@ -68,8 +68,8 @@ def test_a_frame_that_is_not_the_folders_is_refused(
     shutil.copy(STRANGERS[kind](made), folder / "c.0003.exr")
     for name, line in readers(made, folder).items():
         assert main(line) == 3, name
-        assert "c.0003.exr: not this folder's frame" in capsys.readouterr().err, name
-    with pytest.raises(InputError, match="not this folder's frame"):
+        assert "c.0003.exr: not a frame of this folder" in capsys.readouterr().err, name
+    with pytest.raises(InputError, match="not a frame of this folder"):
         open_result(folder)[3]
     assert open_result(folder)[2].index == 1
     assert not list(folder.parent.glob("*.y4m"))
@@ -83,7 +83,7 @@ def test_a_frame_of_another_compression_is_told(made: Path, folder: Path) -> Non
     at = data.index(b"dataWindow\0box2i\0") + len(b"dataWindow\0box2i\0") + 4
     moved = bytes([8, 0, 0, 0]) + data[at + 4 : at + 8] + bytes([71, 0, 0, 0])
     (folder / "c.0003.exr").write_bytes(data[:at] + moved + data[at + 12 :])
-    with pytest.raises(InputError, match="changed since it was converted"):
+    with pytest.raises(InputError, match="modified since it was converted"):
         open_converted(folder).read(3)
 
 
@@ -128,7 +128,7 @@ def test_another_source_is_refused(
     for line in lines:
         assert main(line) == 3, line
         told = capsys.readouterr().err
-        assert "not the clip that the folder was made of ('c.mkv')" in told
+        assert "not the clip that the folder was converted from ('c.mkv')" in told
         assert len(told.splitlines()) == 2, "without a remedy"
     shutil.copy(made / "c.mkv", folder.parent / "renamed.mkv")
     lines[0][-1] = str(folder.parent / "renamed.mkv")
@@ -177,7 +177,7 @@ def test_a_folder_made_of_a_pipe_has_no_source_to_be_read_again(
     capsys.readouterr()
     for more in (["report"], ["evaluate"]):
         assert main([*more, str(out), "--source", str(made / "c.mkv")]) == 3
-        assert "not the clip that the folder was made of" in capsys.readouterr().err
+        assert "not the clip that the folder was converted from" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("count", [10**18, -5, True, "6"])
@@ -197,6 +197,6 @@ def test_a_folder_that_vanishes_in_mid_run(what: str, folder: Path) -> None:
     opened = open_converted(folder)
     assert opened.read(1).size == (64, 48)
     shutil.rmtree(folder) if what == "folder" else (folder / "c.0002.exr").unlink()
-    with pytest.raises(OutputError, match="vanished while") as caught:
+    with pytest.raises(OutputError, match="disappeared while") as caught:
         opened.read(2)
     assert caught.value.exit_code == 5
