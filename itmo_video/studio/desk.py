@@ -22,7 +22,7 @@ from itmo_video.studio import document as documents
 from itmo_video.studio.document import Document, History
 from itmo_video.studio.latest import Latest, Stale
 from itmo_video.studio.running import Runner
-from itmo_video.studio.saving import Saver, command
+from itmo_video.studio.saving import Saver, command, is_as_read
 from itmo_video.studio.session import PARTS, SCALES, Part, Session, Shown, StaleError
 
 LANES = ("a", "b", "sdr", "layer", "lights", "still", "try", "play")
@@ -202,9 +202,14 @@ class Desk:
         """Whether the shots differ from those that a conversion of the clip would find."""
         return bool(self.history.now.own_looks(self.info)) and not self._holds("shots")
 
+    @property
+    def preset_needs_saving(self) -> bool:
+        """Whether the settings are based on a preset's file that says something else by now."""
+        return not self._holds("preset") and not is_as_read(self.history.now)
+
     def _holds(self, kind: str) -> bool:
         saved, now = self._saved_as.get(kind), self.history.now
-        if saved is None:
+        if saved is None or not self.saver.is_ours(self.saved[kind]):
             return False
         if kind == "preset":
             return (saved.preset, saved.changed) == (now.preset, now.changed)

@@ -106,7 +106,9 @@ def with_preset(
 
 
 def _check_preset(name: object, opened: Document | None = None) -> None:
-    known = [*preset_names(), *([opened.preset] if opened is not None else [])]
+    known = [*preset_names()]
+    if opened is not None and opened.preset not in known:
+        known.append(opened.preset)
     if name not in known:
         raise UsageError(f"unknown preset {name!r}", remedy=f"Known: {', '.join(known)}")
 

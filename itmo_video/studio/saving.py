@@ -15,7 +15,7 @@ from itmo_video.errors import InputError, OutputError, UsageError
 from itmo_video.options import flag_name
 from itmo_video.output.atomic import StrPath
 from itmo_video.output.gate import ANALYSIS, Gate, Kind
-from itmo_video.presets import overriding, read_preset
+from itmo_video.presets import load_preset, overriding, read_preset
 from itmo_video.studio.document import Document
 
 _NAME_BYTES = 255  # of a file, on nearly all systems
@@ -124,10 +124,15 @@ def shots_json(document: Document) -> bytes:
 def command(
     document: Document, clip: str, output: str, preset: Path | None, shots: Path | None
 ) -> str:
-    """The command that converts with this document, ready for a shell."""
+    """The command that converts with this document, ready for a shell.
+
+    Where the preset's file no longer says what was read from it, PRESET.toml stands for a new one.
+    """
     words = ["itmo-video", "convert", clip, output]
     if preset is not None:
         words += ["--preset", str(preset)]
+    elif not is_as_read(document):
+        words += ["--preset", "PRESET.toml"]
     else:
         named = document.preset
         words += ["--preset", os.path.abspath(named) if named.endswith(".toml") else named]
@@ -136,6 +141,14 @@ def command(
     if shots is not None:
         words += ["--analysis", str(shots)]
     return " ".join(map(_quoted, words))
+
+
+def is_as_read(document: Document) -> bool:
+    """Whether the preset's file still says what the document is based on."""
+    try:
+        return load_preset(document.preset) == document.base
+    except UsageError:
+        return False
 
 
 def _flag(name: str, value: Any) -> list[str]:

@@ -66,6 +66,7 @@ def state(desk: Desk) -> dict[str, Any]:
         "keys": keys(desk, now),
         "saved": {kind: path.name for kind, path in desk.saved.items()},
         "command": desk.command(),
+        "preset_needs_saving": desk.preset_needs_saving,
         "shots_need_saving": desk.shots_need_saving,
         "render": progress,
     }

@@ -14,6 +14,7 @@ from clips import moving_scene, write_ffv1
 from itmo_video import analyse, make_settings, read_analysis
 from itmo_video.errors import OutputError, UsageError
 from itmo_video.source.opening import open_clip
+from itmo_video.studio.desk import Desk
 from itmo_video.studio.document import (
     Document,
     History,
@@ -196,6 +197,21 @@ def test_the_command_names_the_presets_file_from_anywhere(
     monkeypatch.chdir(tmp_path)
     told = command(Document("mine.toml"), "clip.mp4", "out", None, None)
     assert str(tmp_path / "mine.toml") in told
+
+
+def test_the_command_names_no_file_that_says_something_else(clip: Path, tmp_path: Path) -> None:
+    mine = tmp_path / "mine.toml"
+    mine.write_text("[settings]\nstrength = 0.5\n")
+    with Desk(clip, Document(str(mine)), tmp_path) as desk:
+        assert f"--preset {mine}" in desk.command()
+        mine.write_text("[settings]\nstrength = 0.9\n")
+        assert "--preset PRESET.toml" in desk.command()
+        assert desk.preset_needs_saving
+        saved = desk.save("preset", "look", False)
+        assert f"--preset {saved}" in desk.command()
+        assert not desk.preset_needs_saving
+        saved.write_text("[settings]\nstrength = 1.1\n")
+        assert "--preset PRESET.toml" in desk.command()
 
 
 def test_a_names_suggestion_is_taken(tmp_path: Path) -> None:

@@ -51,6 +51,7 @@ function words({ state, done, of, left_s, output, seconds, message, is_ending: i
 function update() {
   const { render: r, command } = S.state, isRunning = r.state === "running";
   byId("command").textContent = command;
+  byId("unsaved-preset").hidden = !S.state.preset_needs_saving;
   byId("unsaved").hidden = !S.state.shots_need_saving;
   byId("render-progress").hidden = !isRunning;
   byId("render-progress").value = r.of ? r.done / r.of : 0;
