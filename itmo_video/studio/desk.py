@@ -99,15 +99,15 @@ class Desk:
     def attempt(
         self, index: int, preset: object, values: Mapping[str, Any], scale: int,
         shot: int | None = None, page: str = "",
-    ) -> Future[Shown]:  # fmt: skip
-        """A frame rendered with another preset, or with `values` on top of the settings."""
+    ) -> tuple[float, Future[Shown]]:  # fmt: skip
+        """A frame with another preset, or with `values` on top of the settings, and its peak."""
         with self._lock:
             document = self.history.now
         if preset is not None:
             document = documents.with_preset(document, preset, self.opened, shot)
         document = documents.set_values(document, values, shot)
-        _ = document.look
-        return self._shown(index, document, "hdr", scale, "try", page)
+        shown = self._shown(index, document, "hdr", scale, "try", page)
+        return document.look_at(index, self.info).settings.l_max_effective, shown
 
     def lights(self, index: int, slot: str, page: str = "") -> Future[list[tuple[float, float]]]:
         """The median-cut lights of a frame as points (x, y), 0 to 1 across the picture."""

@@ -108,7 +108,7 @@ class _Api:
 
     async def _try(self, request: Request) -> Response:
         asked = await asking.body(request)
-        shown = self._desk.attempt(
+        peak, shown = self._desk.attempt(
             asking.whole(asked.get("index")),
             asked.get("preset"),
             asking.values(asked),
@@ -116,7 +116,7 @@ class _Api:
             asking.place(asked.get("shot")),
             asking.page(asked.get("page", "")),
         )
-        return _halfs(await _of(shown), "tried")
+        return _halfs(await _of(shown), "tried", peak)
 
     async def _edit(self, request: Request) -> Response:
         asked = await asking.body(request)
@@ -191,7 +191,7 @@ async def _of(future: Future[T]) -> T:
     return await asyncio.wrap_future(future)
 
 
-def _halfs(shown: Shown, made_by: str) -> Response:
+def _halfs(shown: Shown, made_by: str, peak: float | None = None) -> Response:
     width, height = shown.size
     headers = {
         "x-index": str(shown.index),
@@ -200,6 +200,7 @@ def _halfs(shown: Shown, made_by: str) -> Response:
         "x-height": str(height),
         "x-channels": str(shown.planes.shape[0]),
         "x-primaries": shown.primaries,
+        **({} if peak is None else {"x-peak": str(peak)}),
     }
     data = shown.planes.tobytes()
     return Response(data, media_type="application/octet-stream", headers=headers)

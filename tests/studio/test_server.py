@@ -111,10 +111,12 @@ def test_variants_do_not_change_the_document(client: TestClient) -> None:
 
 def test_a_shot_has_a_preset_and_variants_of_its_own(client: TestClient) -> None:
     analysed(client)
+    peaks: list[float] = []
 
     def tried(**more: Any) -> np.ndarray[Any, Any]:
         answer = client.post("api/try", json={"index": 3, "scale": 1, **more})
         assert answer.status_code == 200, answer.text
+        peaks.append(203 * float(answer.headers["x-peak"]))
         return np.frombuffer(answer.content, np.float16)
 
     edit(client, "set", values={"peak_nits": 400}, shot=0)
@@ -122,6 +124,7 @@ def test_a_shot_has_a_preset_and_variants_of_its_own(client: TestClient) -> None
     clip, own = (tried(values={"peak_nits": 3000}, shot=shot) for shot in (None, 0))
     assert np.array_equal(clip, picture(client, index=3).ravel()), "the shot's own peak holds"
     assert own.max() > clip.max()
+    assert peaks == [pytest.approx(400), pytest.approx(3000)]
     paper = tried(preset="paper", shot=0)
     state = edit(client, "preset", preset="paper", shot=0)
     assert [s["own"] for s in state["document"]["shots"]] == [{"preset": "paper"}, {}]

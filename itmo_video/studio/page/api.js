@@ -37,6 +37,7 @@ async function pictureOf(response, primaries) {
   const number = (name) => Number(response.headers.get(`x-${name}`));
   const name = response.headers.get("x-primaries");
   return {
+    peak: number("peak"),
     madeBy: response.headers.get("x-made-by"),
     picture: new Picture({
       width: number("width"), height: number("height"), channels: number("channels"),
@@ -53,5 +54,5 @@ export async function picture(asked, primaries) {
 }
 
 export async function attempt(asked, primaries) {
-  return (await pictureOf(await posted("api/try", { ...asked, page: PAGE }), primaries)).picture;
+  return pictureOf(await posted("api/try", { ...asked, page: PAGE }), primaries);
 }

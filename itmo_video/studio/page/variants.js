@@ -8,6 +8,14 @@ import { edit, failed, peak, S } from "./store.js";
 const byId = (id) => document.getElementById(id);
 let turn = 0;
 
+// All for one peak, the highest of all, so that they can be compared.
+function paint(tiles) {
+  const most = Math.max(peak(), ...tiles.map((tile) => tile.peak));
+  for (const { canvas, picture } of tiles)
+    draw(canvas, [{ picture, view: "picture", from: 0, to: 1, gain: 2 ** S.exposure.hdr,
+      toneMap: S.toneMap }], { white: S.state.document.settings.white_nits, peak: most });
+}
+
 async function fill() {
   const mine = ++turn, sheet = byId("sheet");
   const [width] = S.about.size, scale = width > 1000 ? 4 : width > 480 ? 2 : 1;
@@ -15,6 +23,8 @@ async function fill() {
   byId("variants-title").textContent = shot === null ? "Variants of this frame"
     : `Variants of this frame, for shot ${shot + 1}`;
   sheet.replaceChildren();
+  sheet.setAttribute("aria-busy", "true");
+  const tiles = [];
   const list = await get(`api/variants?by=${byId("vary").value}`);
   if (mine !== turn) return;
   for (const { label, says, preset, values: asked } of list) {
@@ -31,10 +41,10 @@ async function fill() {
     });
     sheet.append(button);
     try {
-      const picture = await attempt({ index: S.index, preset, values: asked, scale, shot }, S.about.primaries);
+      const found = await attempt({ index: S.index, preset, values: asked, scale, shot }, S.about.primaries);
       if (mine !== turn) return;
-      draw(canvas, [{ picture, view: "picture", from: 0, to: 1, gain: 2 ** S.exposure.hdr,
-        toneMap: S.toneMap }], { white: S.state.document.settings.white_nits, peak: peak() });
+      tiles.push({ canvas, ...found });
+      paint(tiles);
     } catch (error) {
       if (mine !== turn) return;
       if (error instanceof Stale) continue;
@@ -42,6 +52,7 @@ async function fill() {
       button.disabled = true;
     }
   }
+  sheet.setAttribute("aria-busy", "false");
 }
 
 export function openVariants() {
