@@ -18,6 +18,11 @@ def to_install(extra: str) -> str:
     return f"Install itmo_video[{extra}] from its source folder: pip install '.[{extra}]'"
 
 
+def frames_are(ranges: str) -> str:
+    """`frame 5 is`, `frames 1-3 are`, of numbers as text."""
+    return f"frame {ranges} is" if ranges.isdecimal() else f"frames {ranges} are"
+
+
 def missing(count: int, noun: str) -> str:
     """`1 frame is missing`, `2 frames are missing`."""
     return f"{counted(count, noun)} {'is' if count == 1 else 'are'} missing"

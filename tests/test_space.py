@@ -43,7 +43,7 @@ def test_a_warning_where_it_will_not_fit(tmp_path: Path, monkeypatch: pytest.Mon
     events: list[Event] = []
     convert(CLIP, tmp_path, settings, run, events.append)
     warnings = [e.message for e in events if isinstance(e, Warned)]
-    assert any("1 MB free" in w and "to resume" in w for w in warnings), warnings
+    assert any("1.0 MB free" in w and "to resume" in w for w in warnings), warnings
     convert(CLIP, tmp_path, settings, run, events.append)
     more = [e.message for e in events if isinstance(e, Warned)][len(warnings) :]
     assert not any("free" in w for w in more), "nothing is left to be made: nothing is needed"

@@ -11,6 +11,7 @@ from clips import moving_scene, write_ffv1
 from command import REPOSITORY
 
 from itmo_video.cli.main import main
+from itmo_video.output.disk_space import in_words
 from itmo_video.words import counted, missing
 
 DOCS = sorted((REPOSITORY / "docs").glob("*.md"))
@@ -20,6 +21,25 @@ def test_one_has_no_s() -> None:
     assert [counted(n, "frame") for n in (0, 1, 2)] == ["0 frames", "1 frame", "2 frames"]
     assert missing(1, "frame") == "1 frame is missing"
     assert missing(3, "frame") == "3 frames are missing"
+
+
+def test_sizes_are_never_zero_megabytes() -> None:
+    sizes = {2_345: "2 kB", 1_240_000: "1.2 MB", 45_400_000: "45 MB", 12_300_000_000: "12.3 GB"}
+    assert {count: in_words(count) for count in sizes} == sizes
+
+
+def test_one_frame_is_not_there_and_many_are_ranges(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    clip = str(write_ffv1(tmp_path / "a.mkv", moving_scene(6)))
+    assert main(["convert", clip, str(tmp_path / "out"), "--frames", "1000"]) == 2
+    assert "frame 1000 is not in the clip\nIt has frames 1-6." in capsys.readouterr().err
+    assert main(["convert", clip, str(tmp_path / "out"), "--frames", "2"]) == 0
+    capsys.readouterr()
+    assert main(["convert", clip, str(tmp_path / "out"), "--verify"]) == 7
+    assert f"{tmp_path / 'out'}: frames 1,3-6: missing" in capsys.readouterr().err
+    assert main(["preview", str(tmp_path / "out" / "a.0002.exr"), str(tmp_path / "a.png")]) == 6
+    assert "give its folder: itmo-video preview FOLDER" in capsys.readouterr().err
 
 
 def test_one_frame_is_made(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

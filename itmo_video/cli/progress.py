@@ -13,6 +13,7 @@ from typing import TextIO
 from itmo_video.cli.log_file import LogFile
 from itmo_video.cli.terminal import PROGRAM, named, width_of
 from itmo_video.events import Event, Finished, FrameDone, OnEvent, Started, Warned, as_json
+from itmo_video.output.disk_space import in_words
 from itmo_video.words import counted
 
 _REDRAW_S = 0.1
@@ -119,11 +120,12 @@ class Progress:
     def _sum_up(self, event: Finished) -> None:
         where = f"{self._output}: " if self._output else ""
         present = f", {event.present} already present" if event.present else ""
-        peak = event.peak_nits if event.peak_nits is not None else event.max_cll
-        brightest = f", peak {peak:.0f} nits" if peak else ""
+        # EXRs have a peak in their own primaries; what is in BT.2020 has MaxCLL, often lower.
+        brightest = f", peak {event.peak_nits:.0f} nits" if event.peak_nits else ""
+        brightest = f", MaxCLL {event.max_cll:.0f} nits" if event.max_cll else brightest
         self._say(
             f"{where}{counted(event.written, 'frame')} rendered{present}{brightest}, "
-            f"{event.seconds:.1f} s, {event.bytes_written / 1e6:.1f} MB"
+            f"{event.seconds:.1f} s, {in_words(event.bytes_written)}"
         )
 
     def _draw(self, done: int, total: int) -> None:

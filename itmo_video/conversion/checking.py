@@ -58,6 +58,19 @@ def verify(
 
 
 def require_sound(faults: list[tuple[Path, str]]) -> None:
-    """Raise CheckFailedError that names each fault, if there is any."""
+    """Raise CheckFailedError that names the faults, if there is any: frames of a kind together."""
+    alike: dict[tuple[str, str], list[Path]] = {}
+    for path, problem in faults:
+        alike.setdefault((path.suffix, problem), []).append(path)
     if faults:
-        raise CheckFailedError("\n".join(f"{path}: {problem}" for path, problem in faults))
+        raise CheckFailedError(
+            "\n".join(f"{_named(paths)}: {problem}" for (_, problem), paths in alike.items())
+        )
+
+
+def _named(paths: list[Path]) -> str:
+    """One file by its path, several frames by their numbers."""
+    if len(paths) == 1:
+        return str(paths[0])
+    numbers = format_ranges(int(path.name.split(".")[-2]) for path in paths)
+    return f"{paths[0].parent}: frames {numbers}"

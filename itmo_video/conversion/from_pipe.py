@@ -24,6 +24,7 @@ from itmo_video.rendering.frame import Rendered
 from itmo_video.settings import Settings
 from itmo_video.source.opening import input_options
 from itmo_video.source.pipe import PipeClip
+from itmo_video.words import frames_are
 
 ENDLESS = range(2**40)  # indices of a stream: more than any has
 
@@ -73,7 +74,7 @@ def wanted_indices(run: RunOptions) -> range | list[int]:
     numbers = parse_ranges(run.frames)
     if before := [n for n in numbers if n < first_number(run)]:
         raise UsageError(
-            f"frames {format_ranges(before)} are not in the stream",
+            f"{frames_are(format_ranges(before))} not in the stream",
             remedy=f"Its first frame is number {first_number(run)}.",
         )
     return sorted(n - first_number(run) for n in numbers)

@@ -25,6 +25,7 @@ from itmo_video.output.manifest import Manifest
 from itmo_video.rendering import spans
 from itmo_video.settings import Settings
 from itmo_video.source.clip import Clip, first_number
+from itmo_video.words import frames_are
 
 ALGORITHM = 8  # raise it whenever the same settings give other pixels
 
@@ -149,9 +150,9 @@ def make_plan(clip: Clip, look: Look, run: RunOptions) -> Plan:
         asked = parse_ranges(run.frames)
         if outside := [n for n in asked if n not in numbers]:
             raise UsageError(
-                f"frames {format_ranges(outside)} are not in the clip",
+                f"{frames_are(format_ranges(outside))} not in the clip",
                 where=info.path,
-                remedy=f"It has {first}-{first + info.frames - 1}.",
+                remedy=f"It has frames {first}-{first + info.frames - 1}.",
             )
         numbers = {n: numbers[n] for n in asked}
     jobs = run.jobs or spans.default_jobs()

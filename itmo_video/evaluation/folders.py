@@ -23,6 +23,7 @@ from itmo_video.output.converted import Converted, find_converted
 from itmo_video.output.exr import ExrImage, read_exr
 from itmo_video.settings import Settings, settings_from
 from itmo_video.source.opening import Clip, input_options, open_clip
+from itmo_video.words import frames_are
 
 PRIMARIES = "rec709"
 
@@ -143,7 +144,7 @@ def pair(test: ExrSequence, truth: ExrSequence, part: str | None = None) -> list
     between = truth.first_number - test.first_number
     if missing := [n for n in sorted(numbers) if n + between not in truth.files]:
         raise InputError(
-            f"frames {format_ranges(missing)} are not in the reference", where=str(test.path)
+            f"{frames_are(format_ranges(missing))} not in the reference", where=str(test.path)
         )
     start = test.first_number
     return [Pair(n - start, n, n + between, (test, truth), part) for n in sorted(numbers)]

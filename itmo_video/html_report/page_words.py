@@ -13,7 +13,7 @@ from itmo_video.delivery.pictures import Pictures
 from itmo_video.html_report.measure import FilmFacts
 from itmo_video.output.converted import Converted
 from itmo_video.source.facts import clip_facts
-from itmo_video.words import counted
+from itmo_video.words import counted, frames_are
 
 MOST_SHOTS = 40  # whose rendering is listed
 
@@ -47,7 +47,7 @@ def warnings(facts: FilmFacts, pictures: Pictures, converted: Converted) -> list
     """Warnings about what deserves a second look."""
     frames, out = facts.frames, list(pictures.damage)
     if converted.absent:
-        out.append(f"Frames {converted.absent} are not in the folder.")
+        out.append(f"{frames_are(converted.absent).capitalize()} not in the folder.")
     if broken := [f.number for f in frames if f.not_finite]:
         out.append(f"Frames {format_ranges(broken)} contain infinite or NaN values.")
     if clipped := [f.number for f in frames if f.at_peak > 0.02]:

@@ -23,6 +23,7 @@ from itmo_video.output.frame_form import FrameForm
 from itmo_video.output.manifest import Manifest, read_manifest
 from itmo_video.settings import Settings, settings_from
 from itmo_video.source.opening import Clip, input_options, open_clip
+from itmo_video.words import frames_are
 
 
 @dataclass(frozen=True)
@@ -128,7 +129,7 @@ class Converted:
     @property
     def notices(self) -> tuple[str, ...]:
         """Notices to report before the folder is shown."""
-        return (f"frames {self.absent} are not in the folder",) if self.absent else ()
+        return (f"{frames_are(self.absent)} not in the folder",) if self.absent else ()
 
     def _shot_of(self, number: int) -> ConvertedShot | None:
         index = self.index_of(number)

@@ -42,5 +42,9 @@ def shortage(needed_bytes: int, left_bytes: int, where: str) -> str | None:
 
 
 def in_words(count: int) -> str:
-    """Bytes as `12.3 GB` or `45 MB`."""
-    return f"{count / 1e9:.1f} GB" if count >= 1e9 else f"{count / 1e6:.0f} MB"
+    """Bytes as `12.3 GB`, `45 MB`, `1.2 MB` or `3 kB`."""
+    if count >= 1e9:
+        return f"{count / 1e9:.1f} GB"
+    if count >= 1e7:
+        return f"{count / 1e6:.0f} MB"
+    return f"{count / 1e6:.1f} MB" if count >= 1e6 else f"{count / 1e3:.0f} kB"

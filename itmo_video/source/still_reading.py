@@ -34,7 +34,12 @@ def kind_of(path: Path) -> StillFormat | None:
     """
     head = read_head(path, HEAD_BYTES)
     if is_float_image(head):
-        raise AlreadyHdrError("floating-point image: it is already HDR", where=str(path))
+        raise AlreadyHdrError(
+            "floating-point image: it is already HDR",
+            where=str(path),
+            remedy="To see frames of a conversion, give its folder: "
+            "itmo-video preview FOLDER OUTPUT --frame N.",
+        )
     kind = still_format(head, path.suffix)
     if kind == "jpegxl":
         raise InputError(

@@ -26,7 +26,7 @@ from itmo_video.studio.variants import Variant, variants
 from itmo_video.studio.variants_options import VariantsOptions
 
 WIDTH_PX = 480
-_LABEL_PX, _GAP_PX = 34, 12
+_LABEL_PX, _GAP_PX = 54, 12
 _STYLE = (
     "body{background:#161616;color:#d9d9d9;font:15px/1.4 system-ui,sans-serif;margin:20px}"
     "main{display:grid;grid-template-columns:repeat(auto-fill,minmax(min(320px,100%),1fr));gap:16px}"
@@ -67,11 +67,14 @@ def contact_sheet(
                 remedy=f"The clip has frames {first}-{first + info.frames - 1}.",
             )  # fmt: skip
         peak = max(one.l_max_effective for one in settings)
-        pictures = [_picture(session, number - first, one, peak) for one in settings]
+        pictures = [
+            _tile(session, number - first, variant, one, peak)
+            for variant, one in zip(tried, settings, strict=True)
+        ]
     if suffix == ".html":
-        gate.write(_page(f"{Path(info.path).name}, frame {number}", tried, pictures))
+        gate.write(_page(f"{Path(info.path).name}, frame {number}", pictures))
     else:
-        done, data = cv2.imencode(suffix, _grid(tried, pictures))
+        done, data = cv2.imencode(suffix, _grid(pictures))
         assert done
         gate.write(bytes(data))
     return len(tried)
@@ -90,46 +93,59 @@ def _settings(variant: Variant, preset: str, changed: dict[str, Any]) -> Setting
         raise UsageError(f"{variant.label}: {error.what}", remedy=error.remedy) from error
 
 
-def _picture(session: Session, index: int, settings: Settings, peak: float) -> Any:
-    """The picture as BGR, uint8, at most WIDTH_PX wide."""
+@dataclasses.dataclass(frozen=True)
+class _Tile:
+    """A variant's picture as BGR, uint8, at most WIDTH_PX wide, and its light in words."""
+
+    variant: Variant
+    picture: Any
+    light: str
+
+
+def _tile(session: Session, index: int, variant: Variant, settings: Settings, peak: float) -> _Tile:
     shown = session.picture(index, make_look(dataclasses.replace(settings, layers=())))
     linear = sdr.to_709(tuple(shown.planes), shown.primaries)
+    nits = settings.white_nits
+    most = max(float(plane.max()) for plane in shown.planes)
+    mean = sum(float(plane.mean(dtype=np.float64)) for plane in shown.planes) / len(shown.planes)
+    light = f"peak {nits * most:.0f} nits, mean {nits * mean:.1f}"
     width, height = shown.size
     if width > WIDTH_PX:
         size = (WIDTH_PX, max(1, round(height * WIDTH_PX / width)))
         small = cv2.resize(linear, size, interpolation=cv2.INTER_AREA)
         linear = np.asarray(small, np.float32)
     mapped = sdr.tone_mapped(linear, "bt2390", peak)
-    return np.ascontiguousarray(np.round(mapped[..., ::-1] * 255).astype(np.uint8))
+    picture = np.ascontiguousarray(np.round(mapped[..., ::-1] * 255).astype(np.uint8))
+    return _Tile(variant, picture, light)
 
 
-def _grid(tried: Sequence[Variant], pictures: Sequence[Any]) -> Any:
-    columns = max(1, round(len(tried) ** 0.5 + 0.2))
-    rows = -(-len(tried) // columns)
-    height, width = pictures[0].shape[:2]
+def _grid(tiles: Sequence[_Tile]) -> Any:
+    columns = max(1, round(len(tiles) ** 0.5 + 0.2))
+    rows = -(-len(tiles) // columns)
+    height, width = tiles[0].picture.shape[:2]
     cell_h, cell_w = height + _LABEL_PX + _GAP_PX, width + _GAP_PX
     sheet = np.full((rows * cell_h + _GAP_PX, columns * cell_w + _GAP_PX, 3), 22, np.uint8)
-    for i, (variant, picture) in enumerate(zip(tried, pictures, strict=True)):
+    for i, tile in enumerate(tiles):
         top, left = i // columns * cell_h + _GAP_PX, i % columns * cell_w + _GAP_PX
-        sheet[top : top + height, left : left + width] = picture
-        at = (left + 4, top + height + 24)
-        label = variant.label.encode("ascii", "replace").decode()
-        cv2.putText(
-            sheet, label, at, cv2.FONT_HERSHEY_SIMPLEX, 0.6, (217, 217, 217), 1, cv2.LINE_AA
-        )
+        sheet[top : top + height, left : left + width] = tile.picture
+        for text, down, scale in ((tile.variant.label, 24, 0.6), (tile.light, 44, 0.45)):
+            label, at = text.encode("ascii", "replace").decode(), (left + 4, top + height + down)
+            cv2.putText(
+                sheet, label, at, cv2.FONT_HERSHEY_SIMPLEX, scale, (217, 217, 217), 1, cv2.LINE_AA
+            )
     return sheet
 
 
-def _page(title: str, tried: Sequence[Variant], pictures: Sequence[Any]) -> bytes:
+def _page(title: str, tiles: Sequence[_Tile]) -> bytes:
     figures = []
-    for variant, picture in zip(tried, pictures, strict=True):
-        done, data = cv2.imencode(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, 92])
+    for tile in tiles:
+        done, data = cv2.imencode(".jpg", tile.picture, [cv2.IMWRITE_JPEG_QUALITY, 92])
         assert done
         uri = f"data:image/jpeg;base64,{base64.b64encode(bytes(data)).decode()}"
-        label, says = html.escape(variant.label), html.escape(variant.says)
+        label, says = html.escape(tile.variant.label), html.escape(tile.variant.says)
         figures.append(
             f'<figure><img src="{uri}" alt="{label}">'
-            f"<figcaption>{label}<small>{says}</small></figcaption></figure>"
+            f"<figcaption>{label}, {tile.light}<small>{says}</small></figcaption></figure>"
         )
     policy = "default-src 'none'; img-src data:; style-src 'unsafe-inline'"
     text = (

@@ -19,6 +19,7 @@ from itmo_video.errors import InputError, OutputError
 from itmo_video.output import fingerprint
 from itmo_video.output.converted import open_converted
 from itmo_video.output.manifest import MANIFEST_NAME
+from itmo_video.words import frames_are
 
 QUICK = ("--lights", "64", "--quiet")
 
@@ -149,7 +150,7 @@ def test_frames_that_are_not_there_are_told(
         (folder / f"c.{number:04d}.exr").unlink()
     for name, line in readers(made, folder).items():
         assert main(line) == 0, name
-        assert f"frames {told} are not in the folder" in capsys.readouterr().err, name
+        assert f"{frames_are(told)} not in the folder" in capsys.readouterr().err, name
     assert f"Frames {told} are not" in (folder.parent / "page.html").read_text()
     assert open_result(folder).absent == told
     assert f"{told} absent" in repr(open_result(folder))
@@ -162,7 +163,7 @@ def test_a_whole_folder_tells_nothing(
 ) -> None:
     for line in readers(made, folder).values():
         assert main(line) == 0
-        assert "are not in the folder" not in capsys.readouterr().err
+        assert "not in the folder" not in capsys.readouterr().err
 
 
 def test_a_folder_made_of_a_pipe_has_no_source_to_be_read_again(
