@@ -16,7 +16,7 @@ import pytest
 from clips import moving_scene, write_ffv1
 from PIL import Image
 
-from itmo_video import convert
+from itmo_video import convert, make_settings
 from itmo_video.cli.main import main
 from itmo_video.colour import chroma, transfer
 from itmo_video.colour.primaries import rgb_to_rgb_matrix
@@ -61,7 +61,7 @@ def decoded(path: Path) -> Planes:
     cb, cr = (
         (np.asarray(p if p.shape == y.shape else chroma.upsample_chroma(p, size, "left")) - 512)
         / 896
-        for p in planes[1:]
+        for p in planes[1:3]
     )
     kr, kb = (0.2126, 0.0722) if int(frame.colorspace) == 1 else (0.2627, 0.0593)
     red, blue = y + 2 * (1 - kr) * cr, y + 2 * (1 - kb) * cb
@@ -199,3 +199,39 @@ def test_444_keeps_every_pixels_colour() -> None:
     assert y.shape == cb.shape == cr.shape == (8, 10)
     blue = (y - 64.0) / 876 + 1.8556 * (cb - 512.0) / 896
     np.testing.assert_allclose(blue, code[2], atol=4e-3)
+
+
+def test_prores_4444_keeps_alpha_with_straight_colours(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rng = np.random.default_rng(3)
+    coarse = rng.integers(40, 220, (5, 9, 3), dtype=np.uint8)
+    colours = np.kron(coarse, np.ones((33, 31, 1), np.uint8))  # both sizes are odd
+    height, width = colours.shape[:2]
+    alpha = np.broadcast_to(np.linspace(0, 255, width), (height, width)).astype(np.uint8)
+    opaque, cut = tmp_path / "opaque.png", tmp_path / "cut.png"
+    Image.fromarray(colours).save(opaque)
+    Image.fromarray(np.dstack([colours, alpha])).save(cut)
+    flags = ["--codec", "prores4444", "--as", "acescct", "--operator", "linear", "--l-max", "1"]
+    plain = decoded(made(opaque, tmp_path / "plain.mov", *flags))
+    convert(cut, tmp_path / "out", make_settings("default", operator="linear", l_max=1))
+    for source, own in ((cut, flags), (tmp_path / "out", flags[:4])):
+        film = made(source, tmp_path / f"{source.stem}.mov", *own)
+        with av.open(str(film)) as box:
+            frame = next(box.decode(video=0))
+            assert frame.format.name.startswith("yuva444p"), frame.format.name
+            depth = frame.format.components[3].bits
+            rows = np.frombuffer(memoryview(frame.planes[3]), np.uint16).reshape(frame.height, -1)
+        told = rows[:height, :width] / (2.0**depth - 1)
+        np.testing.assert_allclose(told, alpha / 255, atol=1.5 / 1023)
+        seen = alpha > 64  # of little light there is little to divide
+        straight = decoded(film)[:, :height, :width]
+        assert np.abs(straight - plain[:, :height, :width])[:, seen].mean() < 2e-3
+    capsys.readouterr()
+    done = main(["preview", str(cut), str(tmp_path / "no.mov"), "--codec", "dnxhr"])
+    assert done == 0
+    assert "alpha is not written; --codec prores4444 keeps it" in capsys.readouterr().err
+    made(cut, tmp_path / "no.y4m", "--codec", "prores4444")
+    film = made(cut, tmp_path / "both.mov", "--codec", "prores4444", "--as", "compare")
+    with av.open(str(film)) as box:
+        assert next(box.decode(video=0)).format.name.startswith("yuv444p")

@@ -11,7 +11,7 @@ import numpy as np
 
 from itmo_video.delivery import metadata
 from itmo_video.delivery.film_spec import DEFAULT_CRF, DEFAULT_SPEED, FilmSpec, Signal
-from itmo_video.delivery.hdr import YCbCr
+from itmo_video.delivery.hdr import Codes10, YCbCr
 from itmo_video.delivery.svt_av1 import svt_as_guest
 
 ENCODERS: dict[str, str] = {
@@ -79,7 +79,7 @@ def tag_signal(thing: Any, signal: Signal) -> None:
     thing.color_range = 1
 
 
-def frame_of(planes: YCbCr, pixel_format: str) -> Any:
+def frame_of(planes: tuple[Codes10, ...], pixel_format: str) -> Any:
     """Planes of 10-bit codes as a frame of PyAV."""
     height, width = planes[0].shape
     frame = av.VideoFrame(width, height, pixel_format)

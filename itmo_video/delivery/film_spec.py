@@ -20,6 +20,7 @@ MASTERS: dict[str, tuple[Chroma, ...]] = {  # for grading: intraframe, fixed qua
     "prores4444": ("444",),
     "dnxhr": ("422", "444"),
 }
+KEEPS_ALPHA = "prores4444"  # FFmpeg's DNxHR has none
 _NAMES = {"prores": "ProRes 422 HQ", "prores4444": "ProRes 4444", "dnxhr": "DNxHR"}
 _LEAST = {"dnxhr": (256, 120), "hevc": (16, 16), "av1": (4, 4)}  # the encoders' minimum sizes
 
@@ -51,6 +52,7 @@ class FilmSpec:
     peak_nits: float = 1000.0
     crf: float | None = None
     speed: str | None = None
+    has_alpha: bool = False
 
     @property
     def mastering(self) -> metadata.Mastering:
@@ -63,9 +65,9 @@ def default_chroma(codec: Codec) -> Chroma:
     return MASTERS[codec][0] if codec in MASTERS else "420"
 
 
-def pixel_format(chroma: Chroma) -> str:
+def pixel_format(chroma: Chroma, has_alpha: bool = False) -> str:
     """FFmpeg's name of planar Y'CbCr in 10 bits."""
-    return f"yuv{chroma}p10le"
+    return f"yuv{'a' if has_alpha else ''}{chroma}p10le"
 
 
 def check_speed(codec: Codec, speed: str | None) -> None:

@@ -27,7 +27,7 @@ from itmo_video.delivery.film_spec import (
     check_size,
     pixel_format,
 )
-from itmo_video.delivery.hdr import Light, YCbCr
+from itmo_video.delivery.hdr import Codes10, Light
 from itmo_video.delivery.log_curves import TOLD
 from itmo_video.delivery.messages import with_message
 from itmo_video.delivery.sound import Sound
@@ -111,17 +111,18 @@ class FilmWriter:
 
     def write(
         self,
-        planes: YCbCr,
+        planes: tuple[Codes10, ...],
         time_s: Fraction,
         duration_s: Fraction | None = None,
         message: bytes | None = None,
     ) -> None:
         """Encode one frame, to be shown from `time_s` on; frames come in rising time.
 
-        `message` is of ITU-T T.35 and goes with the frame (HEVC and AV1).
+        `planes` are Y', Cb, Cr and, where the film has it, alpha. `message` is of ITU-T T.35 and
+        goes with the frame (HEVC and AV1).
         """
         spec = self.spec
-        frame = frame_of(planes, pixel_format(spec.chroma))
+        frame = frame_of(planes, pixel_format(spec.chroma, spec.has_alpha))
         frame.pts = round((time_s - self._start_s) / spec.time_base)
         if self._last_pts is not None and frame.pts <= self._last_pts:
             frame.pts = self._last_pts + 1
@@ -173,7 +174,7 @@ class FilmWriter:
             ENCODERS[spec.codec], rate=spec.frame_rate, options=encoder_options(spec)
         )
         stream.width, stream.height = spec.width, spec.height
-        stream.pix_fmt = pixel_format(spec.chroma)
+        stream.pix_fmt = pixel_format(spec.chroma, spec.has_alpha)
         context = stream.codec_context
         context.time_base = spec.time_base
         stream.time_base = spec.time_base

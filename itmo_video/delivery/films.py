@@ -12,6 +12,8 @@ from itmo_video.conversion.run_options import RunOptions
 from itmo_video.delivery import hdr
 from itmo_video.delivery.film_spec import (
     HIGH_CRF,
+    KEEPS_ALPHA,
+    MASTERS,
     FilmSpec,
     check_film,
     check_speed,
@@ -23,7 +25,12 @@ from itmo_video.delivery.hdr10plus import checked_length, read_hdr10plus
 from itmo_video.delivery.pictures import Pictures
 from itmo_video.delivery.preview_options import PreviewOptions
 from itmo_video.delivery.sound import source_time_base
-from itmo_video.delivery.views import ShownFrame, shown_frame, shown_peak, signal_of
+from itmo_video.delivery.views import (
+    ShownFrame,
+    frame_with_alpha,
+    shown_peak,
+    signal_of,
+)
 from itmo_video.delivery.y4m import ReaderLeftError, Y4mSpec, Y4mWriter, is_stream_output
 from itmo_video.errors import DamagedInputError, UsageError
 from itmo_video.events import FrameDone, OnEvent, Warned
@@ -60,20 +67,26 @@ def write_film(
     if not is_y4m(output):
         check_film(output, spec)
     messages = _messages(pictures, options)
-    shown = pictures.mapped(lambda picture: shown_frame(picture, pictures, options, chroma))
+    keeps_alpha = options.codec == KEEPS_ALPHA and not is_y4m(output)
+    shown = pictures.mapped(
+        lambda picture: frame_with_alpha(picture, pictures, options, chroma, keeps_alpha)
+    )
     count, light = 0, _NO_LIGHT
     try:
         first = next(shown, None)
         if first is None:
             raise DamagedInputError("no frame could be rendered", where=str(pictures.clip))
         height, width = first.planes[0].shape
-        spec = replace(spec, width=width, height=height)
+        spec = replace(spec, width=width, height=height, has_alpha=first.alpha is not None)
         with _writer(output, gate, spec, options, pictures, run, first.time_s) as writer:
             for notice in writer.notices:
                 on_event(Warned(notice))
+            if first.has_alpha and options.codec in MASTERS and not keeps_alpha:
+                on_event(Warned("alpha is not written; --codec prores4444 keeps it"))
             try:
                 for frame, length in _with_durations(first, shown, pictures.last_length_s):
-                    writer.write(frame.planes, frame.time_s, length, messages.get(frame.number))
+                    planes = frame.planes if frame.alpha is None else (*frame.planes, frame.alpha)
+                    writer.write(planes, frame.time_s, length, messages.get(frame.number))
                     count, light = count + 1, hdr.film_light((light, frame.light))
                     on_event(FrameDone(frame.number, count, len(pictures.numbers)))
                 writer.finish(light)

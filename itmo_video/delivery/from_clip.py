@@ -51,7 +51,9 @@ def from_clip(source: Path, settings: Settings, run: RunOptions) -> Pictures:
                 made += 1
                 number = frame.index + plan.first_number
                 item = work(
-                    Picture(frame.index, number, frame.time_s, done.rgb, frame, done.layers)
+                    Picture(
+                        frame.index, number, frame.time_s, done.rgb, frame, done.layers, done.alpha
+                    )
                 )
                 buffer.put(frame.index, item)
 

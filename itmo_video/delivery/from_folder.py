@@ -43,7 +43,8 @@ def from_folder(folder: Converted, clip: Path | None, run: RunOptions) -> Pictur
             image = folder.read(number)
             layers = {name: image.channels[name] for name in image.channels if "." in name}
             index, time_s = folder.index_of(number), folder.time_s(number, image)
-            return work(Picture(index, number, time_s, rgb_of(image), original, layers))
+            alpha = image.channels.get("A")
+            return work(Picture(index, number, time_s, rgb_of(image), original, layers, alpha))
 
         with single_opencv_thread(), ThreadPoolExecutor(jobs, thread_name_prefix="exr") as pool:
             waiting = []

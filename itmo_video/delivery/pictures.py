@@ -17,7 +17,10 @@ T = TypeVar("T")
 
 @dataclass(frozen=True)
 class Picture:
-    """One finished frame: planar linear RGB, 1.0 = SDR white, and its source frame if known."""
+    """One finished frame: planar linear RGB, 1.0 = SDR white, and its source frame if known.
+
+    Where it has `alpha` (0 to 1), RGB is associated: multiplied by it.
+    """
 
     index: int
     number: int
@@ -25,6 +28,7 @@ class Picture:
     rgb: tuple[Half | Float32, Half | Float32, Half | Float32]
     source: Frame | None = None
     layers: Mapping[str, npt.NDArray[Any]] = field(default_factory=dict)
+    alpha: Half | None = None
 
 
 Work = Callable[[Picture], T]

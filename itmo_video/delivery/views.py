@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import Any
 
@@ -14,12 +14,15 @@ from itmo_video.delivery.aces import aces_hdr_nits, aces_peak, aces_sdr, require
 from itmo_video.delivery.eetf import to_display
 from itmo_video.delivery.false_colour import false_colour
 from itmo_video.delivery.film_spec import Signal
-from itmo_video.delivery.hdr import Chroma, Light, YCbCr
+from itmo_video.delivery.hdr import Chroma, Codes10, Light, YCbCr
 from itmo_video.delivery.lettering import labelled
 from itmo_video.delivery.log_curves import log_codes
 from itmo_video.delivery.pictures import Picture, Pictures
 from itmo_video.delivery.preview_options import PreviewOptions
 from itmo_video.errors import UsageError
+from itmo_video.model import Float32
+
+_WITHOUT_ALPHA = ("compare", "false-colour", "ladder")  # they say something of the whole picture
 
 
 @dataclass(frozen=True)
@@ -30,6 +33,8 @@ class ShownFrame:
     time_s: Fraction
     planes: YCbCr
     light: Light
+    alpha: Codes10 | None = None
+    has_alpha: bool = False
 
 
 def signal_of(options: PreviewOptions) -> Signal:
@@ -122,6 +127,27 @@ def _both(
         source = labelled(source, [f"SDR source{stops}", "SDR"])
         result = labelled(result, [f"{full}{stops}", told, "HDR"], "right" if is_wipe else "left")
     return sdr.composed(source, result, options.layout, options.wipe_at)
+
+
+def frame_with_alpha(
+    picture: Picture, pictures: Pictures, options: PreviewOptions, chroma: Chroma, keeps: bool
+) -> ShownFrame:
+    """`shown_frame`; where alpha `keeps`, of straight colours, with alpha as 10-bit full range.
+
+    A comparison and its like have none.
+    """
+    has_alpha = picture.alpha is not None and options.view not in _WITHOUT_ALPHA
+    if picture.alpha is None or not (has_alpha and keeps):
+        shown = shown_frame(picture, pictures, options, chroma)
+        return replace(shown, has_alpha=has_alpha)
+    alpha: Float32 = np.asarray(picture.alpha, np.float32)
+    whole: Float32 = np.where(alpha > 0, alpha, np.float32(1))
+    red, green, blue = (np.asarray(plane / whole, np.float32) for plane in picture.rgb)
+    straight = replace(picture, rgb=(red, green, blue))
+    (even,) = hdr.pad_even((alpha,))
+    codes = np.rint(np.clip(even, 0, 1) * np.float32(1023)).astype(np.uint16)
+    shown = shown_frame(straight, pictures, options, chroma)
+    return replace(shown, alpha=codes, has_alpha=True)
 
 
 def shown_frame(

@@ -17,7 +17,7 @@ from types import TracebackType
 
 import numpy as np
 
-from itmo_video.delivery.hdr import Chroma, Light, YCbCr
+from itmo_video.delivery.hdr import Chroma, Codes10, Light
 from itmo_video.errors import OutputError, UsageError
 from itmo_video.output.atomic import output_error, temp_path
 from itmo_video.output.gate import Gate
@@ -54,7 +54,7 @@ class Y4mSpec:
             f"A{aspect.numerator}:{aspect.denominator} C{kind} XCOLORRANGE=LIMITED\n"
         ).encode("ascii")
 
-    def frame(self, planes: YCbCr) -> list[bytes]:
+    def frame(self, planes: tuple[Codes10, ...]) -> list[bytes]:
         """A frame's bytes, in pieces."""
         kind = np.uint8 if self.bit_depth == 8 else np.dtype("<u2")
         return [b"FRAME\n", *(np.asarray(plane, kind).tobytes() for plane in planes)]
@@ -104,7 +104,7 @@ class Y4mWriter:
 
     def write(
         self,
-        planes: YCbCr,
+        planes: tuple[Codes10, ...],
         time_s: Fraction,
         duration_s: Fraction | None = None,
         message: bytes | None = None,
