@@ -151,7 +151,7 @@ def test_frames_that_are_not_there_are_told(
     for name, line in readers(made, folder).items():
         assert main(line) == 0, name
         assert f"{frames_are(told)} not in the folder" in capsys.readouterr().err, name
-    assert f"Frames {told} are not" in (folder.parent / "page.html").read_text()
+    assert f"{frames_are(told).capitalize()} not" in (folder.parent / "page.html").read_text()
     assert open_result(folder).absent == told
     assert f"{told} absent" in repr(open_result(folder))
     line = ["preview", str(folder), str(folder.parent / "s.png"), "--frame", "5"]
