@@ -1,4 +1,4 @@
-"""Gain-map stills: the HDR picture comes back, by libultrahdr, by Chromium and by the formula."""
+"""Gain-map stills: the HDR picture comes back, by libultrahdr and by the formula."""
 
 from __future__ import annotations
 
