@@ -65,7 +65,8 @@ class ClipInfo:
 
     Sizes are in pixels as stored, before `rotation_deg` (clockwise, to be applied for display) and
     `flip` (mirrored left-right, applied before the rotation); `frames` counts what is presented.
-    `frames_declared` is how many the container speaks of: more than `frames` where it is cut short.
+    `frames_declared` is how many the container speaks of: more than `frames` where it is cut short
+    or has lost some.
 
     >>> from itmo_video import open_clip
     >>> with open_clip("clip.mkv") as clip:

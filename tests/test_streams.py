@@ -381,3 +381,30 @@ def test_hdr10_without_a_transfer_tag_is_refused(tmp_path: Path) -> None:
         assert clip.info.encoding.transfer == "bt1886"
     with open_clip(path, InputOptions(only_tells=True)) as clip:
         assert clip.info.encoding.transfer == "pq"
+
+
+@pytest.mark.parametrize(("start", "size"), [(0.3, 7000), (0.5, 40000), (0.7, 12000)])
+def test_frames_that_a_damaged_wmv_lost_are_missed(tmp_path: Path, start: float, size: int) -> None:
+    path = tmp_path / "a.wmv"
+    with av.open(str(path), "w") as box:
+        stream = box.add_stream("wmv2", rate=25)
+        stream.width, stream.height, stream.pix_fmt = 160, 96, "yuv420p"
+        noise = np.random.default_rng(5)
+        for index in range(40):
+            rgb = noise.integers(0, 256, (96, 160, 3), np.uint8)
+            frame = av.VideoFrame.from_ndarray(rgb, "rgb24")
+            frame.pts = index
+            box.mux(stream.encode(frame))
+        box.mux(stream.encode())
+    with open_clip(path) as clip:
+        assert (clip.info.frames, clip.info.frames_declared) == (40, 40)
+    data = bytearray(path.read_bytes())
+    at = int(start * len(data))
+    data[at : at + size] = bytes(size)
+    path.write_bytes(data)
+    with open_clip(path) as clip:
+        assert clip.info.frames < 40 or any(f.is_damaged for f in clip.frames())
+        assert clip.info.frames_declared == 40
+        if clip.info.frames < 40:
+            missing = f"damaged: {40 - clip.info.frames} frame"
+            assert any(missing in notice for notice in clip.info.notices)

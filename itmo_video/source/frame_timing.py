@@ -74,7 +74,7 @@ def timing_notices(packets: Packets, rate: Fraction, is_vfr: bool) -> list[str]:
         )
     missing = (packets.declared or 0) - len(packets.pts)
     if missing > 0:
-        told.append(f"truncated: {words.missing(missing, 'frame')} at the end")
+        told.append(f"truncated or damaged: {words.missing(missing, 'frame')}")
     return told
 
 

@@ -16,6 +16,7 @@ import numpy as np
 
 from itmo_video.errors import InputError
 from itmo_video.regular_file import read_head
+from itmo_video.source.asf_objects import numbered_frames
 from itmo_video.source.files import check_file, check_pixels
 from itmo_video.source.read_faults import PROBED_BYTES, fault_at_ends, find_fault
 from itmo_video.source.streams import choose_video
@@ -246,6 +247,8 @@ def _declared_frames(
         return max(len(stream.index_entries), count)
     if name == "avi" and stream.frames:
         return max(int(stream.frames), count)
+    if name == "asf":
+        return max(numbered_frames(Path(container.name), int(stream.id)), count)
     length = stream.metadata.get("DURATION", "")  # Matroska; written when the file is finalised
     rate = stream.average_rate
     if not length or not rate or not pts:
