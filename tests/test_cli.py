@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import json
+import re
 import subprocess
 import sys
 from pathlib import Path
 
+import av
+import numpy as np
 import pytest
 from clips import SHARED, moving_scene, write_ffv1
 
@@ -174,3 +177,30 @@ def test_of_several_inputs_each_gets_its_own_folder(tmp_path: Path) -> None:
     assert len(list((out / "a").glob("a.*.exr"))) == 2
     assert len(list((out / "b").glob("b.*.exr"))) == 3, "a bad input kept the next from being made"
     assert main(["convert", str(a), str(a), str(out), "--quiet"]) == 2
+
+
+def test_damage_is_reported_again_when_the_command_is_run_again(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    clip = tmp_path / "a.avi"
+    with av.open(str(clip), "w") as box:
+        stream = box.add_stream("mpeg4", rate=25)
+        stream.width, stream.height, stream.pix_fmt = 160, 96, "yuv420p"
+        noise = np.random.default_rng(3)
+        for _ in range(12):
+            codes = noise.integers(0, 256, (96, 160, 3), np.uint8)
+            box.mux(stream.encode(av.VideoFrame.from_ndarray(codes, "rgb24")))
+        box.mux(stream.encode())
+    data = bytearray(clip.read_bytes())
+    at = data.index(b"movi") + (len(data) - data.index(b"movi")) // 2
+    data[at : at + 400] = noise.bytes(400)
+    clip.write_bytes(data)
+    said = []
+    for _ in range(2):
+        assert main(["convert", str(clip), str(tmp_path / "out")]) == 4
+        said.append(capsys.readouterr().err)
+        damaged = re.search(r"frames (\S+) are damaged in the source", said[-1])
+        assert damaged
+    assert "0 frames rendered, 12 already present" in said[1]
+    assert re.search(r"frames (\S+) are damaged", said[0])[1] == damaged[1]
+    assert main(["convert", str(clip), str(tmp_path / "out"), "--verify"]) == 0

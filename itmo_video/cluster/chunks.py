@@ -6,10 +6,10 @@ import functools
 import os
 import signal
 import socket
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 
-from itmo_video.conversion.convert import Job, Summary, frames_to_make, render_job
+from itmo_video.conversion.convert import Job, Summary, ToMake, frames_to_make, render_job
 from itmo_video.conversion.frame_ranges import format_ranges
 from itmo_video.conversion.plan import ALGORITHM, Plan, ShotLook, make_plan
 from itmo_video.conversion.run_options import RunOptions
@@ -105,7 +105,7 @@ def make_chunk(chunk: Chunk) -> Outcome:
     shots = (ShotLook(first, last, make_look(own)) for first, last, own in chunk.shots)
     plan = replace(plan, shots=tuple(shots))
     folder = OutputFolder(chunk.output, plan.clip.stem)
-    todo: Mapping[int, int] = plan.numbers
+    todo, _, concealed = ToMake(dict(plan.numbers))
     if not chunk.run.null:
         if read_manifest(chunk.output) is None:
             raise OutputError(
@@ -114,8 +114,8 @@ def make_chunk(chunk: Chunk) -> Outcome:
                 remedy="All workers must see it under this path; then run the same command again.",
             )
         # A chunk whose worker died is sent again: what that one had finished is not made anew.
-        todo, _ = frames_to_make(plan, folder, chunk.run)
-    summary = Summary(len(plan.numbers), len(plan.numbers) - len(todo))
+        todo, _, concealed = frames_to_make(plan, folder, chunk.run)
+    summary = Summary(len(plan.numbers), len(plan.numbers) - len(todo), damaged=[*concealed])
     ended = render_job(Job(clip, plan, folder, chunk.run, todo), summary, ignore)
     made = tuple(n for n in chunk.numbers if n not in set(summary.missing))
     return Outcome(

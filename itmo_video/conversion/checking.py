@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from itmo_video.conversion.convert import _other_settings, _shortage, frames_to_make
+from itmo_video.conversion.convert import ToMake, _other_settings, _shortage, frames_to_make
 from itmo_video.conversion.frame_ranges import format_ranges
 from itmo_video.conversion.plan import keys_on_grid, make_plan
 from itmo_video.conversion.run_options import RunOptions
@@ -25,7 +25,7 @@ def describe_plan(
         plan = make_plan(clip, make_look(settings), run)
     folder = OutputFolder(output, plan.clip.stem)
     folder.check(plan.manifest, overwrite=run.overwrite, update=run.update)
-    todo, others = (plan.numbers, []) if run.null else frames_to_make(plan, folder, run)
+    todo, others, _ = ToMake(dict(plan.numbers)) if run.null else frames_to_make(plan, folder, run)
     if others:
         raise _other_settings(others, folder)
     width, height = plan.clip.display_size

@@ -8,6 +8,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -54,6 +55,17 @@ class Summary:
     seconds: float = 0.0
     bytes_written: int = 0
     peak_nits: float | None = None
+
+
+class ToMake(NamedTuple):
+    """The frames still to be made, index by number, and the numbers of those to be left alone.
+
+    `others` were made with other settings, `concealed` from damaged frames of the source.
+    """
+
+    todo: dict[int, int]
+    others: Sequence[int] = ()
+    concealed: Sequence[int] = ()
 
 
 @dataclass(frozen=True)
@@ -108,14 +120,15 @@ def convert(
         folder = OutputFolder(output, plan.clip.stem)
         for notice in plan.notices:
             on_event(Warned(notice))
-        todo, others = dict(plan.numbers), list[int]()
+        todo, others, concealed = ToMake(dict(plan.numbers))
         if not run.null:
             folder.claim(plan.manifest, overwrite=run.overwrite, update=run.update)
             folder.sweep_temp_files()
-            todo, others = frames_to_make(plan, folder, run)
+            todo, others, concealed = frames_to_make(plan, folder, run)
             if short := _shortage(plan, folder, len(todo)):
                 on_event(Warned(short))
         summary = Summary(len(plan.numbers), len(plan.numbers) - len(todo) - len(others))
+        summary.damaged.extend(concealed)
         on_event(Started(plan.clip.path, str(output), summary.wanted, summary.present))
         ended = (executor or render_job)(Job(clip, plan, folder, run, todo), summary, on_event)
     summary.missing.sort()
@@ -132,20 +145,19 @@ def convert(
     return summary
 
 
-def frames_to_make(
-    plan: Plan, folder: OutputFolder, run: RunOptions
-) -> tuple[dict[int, int], list[int]]:
-    """The frames still to be made, index by number, and the numbers of those to be left alone.
+def frames_to_make(plan: Plan, folder: OutputFolder, run: RunOptions) -> ToMake:
+    """What is still to be made of a plan.
 
-    A frame is there if it opens whole with its fingerprint. Left alone are those that open whole
-    with another one, made with other settings, unless the run says to update or overwrite.
+    A frame is there if it opens whole with its fingerprint. Those that open whole with another one
+    are left alone unless the run says to update or overwrite.
     """
     if run.overwrite:
-        return dict(plan.numbers), []
+        return ToMake(dict(plan.numbers))
     states = folder.states({n: plan.fingerprint(n) for n in plan.numbers}, plan.jobs, plan.form)
     others = [] if run.update else [n for n, state in states.items() if state == "other"]
-    done = {n for n, state in states.items() if state == "whole"} | set(others)
-    return {n: i for n, i in plan.numbers.items() if n not in done}, others
+    concealed = [n for n, state in states.items() if state == "concealed"]
+    done = {n for n, state in states.items() if state == "whole"} | {*others, *concealed}
+    return ToMake({n: i for n, i in plan.numbers.items() if n not in done}, others, concealed)
 
 
 def render_job(job: Job, summary: Summary, on_event: OnEvent) -> list[DamagedInputError]:
@@ -161,7 +173,7 @@ def render_job(job: Job, summary: Summary, on_event: OnEvent) -> list[DamagedInp
             size = exr.write_exr(
                 job.folder.frame_path(number),
                 rendered.rgb,
-                exr_header(plan, number, frame.time_s),
+                exr_header(plan, number, frame),
                 alpha=rendered.alpha,
                 layers=rendered.layers,
                 durable=run.durable,
@@ -203,7 +215,7 @@ def peak_of(rgb: Sequence[Half]) -> float:
     return float(np.int16(max(0, bits)).view(np.float16))
 
 
-def _other_settings(numbers: list[int], folder: OutputFolder) -> OutputError:
+def _other_settings(numbers: Sequence[int], folder: OutputFolder) -> OutputError:
     return OutputError(
         f"frames {format_ranges(numbers)} were made with other settings",
         where=str(folder.path),

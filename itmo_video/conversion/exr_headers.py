@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 import json
-from fractions import Fraction
 from pathlib import Path
 
 from itmo_video.colour.primaries import CHROMATICITIES, INTEROP_IDS
 from itmo_video.conversion import timecode
 from itmo_video.conversion.plan import Plan
-from itmo_video.model import ClipInfo
+from itmo_video.model import ClipInfo, Frame
 from itmo_video.output import exr
 from itmo_video.settings import Settings
 
 
-def exr_header(plan: Plan, number: int, time_s: Fraction) -> exr.ExrHeader:
-    """The header of one frame's file."""
+def exr_header(plan: Plan, number: int, frame: Frame) -> exr.ExrHeader:
+    """The header of one frame's file; `frame` is the source's."""
     look, info = plan.look_at(plan.numbers[number]), plan.clip
     settings = look.settings
     chromaticities = CHROMATICITIES[settings.primaries]
@@ -28,7 +27,7 @@ def exr_header(plan: Plan, number: int, time_s: Fraction) -> exr.ExrHeader:
         white_nits=settings.white_nits,
         frame_rate=info.frame_rate,
         pixel_aspect=info.pixel_aspect,
-        time_s=time_s,
+        time_s=frame.time_s,
         source_name=Path(info.path).name,
         fingerprint=plan.fingerprint(number),
         settings_text=json.dumps(look.settings_in_use(), sort_keys=True),
@@ -40,6 +39,7 @@ def exr_header(plan: Plan, number: int, time_s: Fraction) -> exr.ExrHeader:
         is_aces_container=settings.primaries == "aces2065-1"
         and settings.compression == "none"
         and not settings.layers,
+        is_source_damaged=frame.is_damaged,
     )  # fmt: skip
 
 

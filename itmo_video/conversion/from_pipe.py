@@ -167,7 +167,7 @@ def _render(
             size = exr.write_exr(
                 folder.frame_path(number),
                 rendered.rgb,
-                exr_header(plan, number, frame.time_s),
+                exr_header(plan, number, frame),
                 alpha=rendered.alpha,
                 layers=rendered.layers,
                 durable=run.durable,

@@ -64,6 +64,7 @@ class ExrHeader:
     owner: str | None = None
     comments: str | None = None
     is_aces_container: bool = False
+    is_source_damaged: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,6 +95,11 @@ class ExrImage:
         """The fingerprint that the frame was written with; None in other programs' files."""
         value = self.attributes.get("itmoFingerprint")
         return value if isinstance(value, str) else None
+
+    @property
+    def is_source_damaged(self) -> bool:
+        """Whether the frame was written from a source frame that was damaged."""
+        return self.attributes.get("itmoSourceDamaged") == 1
 
 
 def write_exr(
@@ -240,6 +246,8 @@ def _attributes(header: ExrHeader) -> dict[str, Any]:
             attributes[name] = _utf8(text)
     if header.is_aces_container:
         attributes["acesImageContainerFlag"] = 1
+    if header.is_source_damaged:
+        attributes["itmoSourceDamaged"] = 1
     return attributes
 
 

@@ -16,6 +16,7 @@ ATTRIBUTES = {
     "--compression none`",
     "owner": "`--owner`",
     "comments": "`--comments`",
+    "itmoSourceDamaged": "1 where the source's frame is damaged: the decoder filled the gap",
     "itmoTime": "presentation time in the source in seconds, as a fraction",
     "itmoSource": "file name of the source",
     "itmoSettings": "the settings that this frame depends on, as JSON",

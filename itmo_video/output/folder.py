@@ -30,7 +30,7 @@ from itmo_video.output.exr import read_exr
 from itmo_video.output.frame_form import FrameForm
 from itmo_video.output.manifest import MANIFEST_NAME, Manifest, read_manifest
 
-FrameState = Literal["missing", "whole", "damaged", "other"]
+FrameState = Literal["missing", "whole", "concealed", "damaged", "other"]
 
 Forms = Callable[[int], FrameForm | None]  # of frames by number
 
@@ -148,6 +148,7 @@ class OutputFolder:
 
         An intact file with another `fingerprint`, or none, is "other". One with the fingerprint but
         with windows, channels or compression that differ from `form` was modified: "damaged".
+        An intact one is "concealed" where its source frame was damaged.
         """
         path = self.frame_path(number)
         if not os.path.lexists(path):
@@ -159,7 +160,9 @@ class OutputFolder:
             return "damaged" if os.path.lexists(path) else "missing"
         if image.fingerprint != fingerprint:
             return "other"
-        return "whole" if form is None or form.is_of(image) else "damaged"
+        if form is not None and not form.is_of(image):
+            return "damaged"
+        return "concealed" if image.is_source_damaged else "whole"
 
     def states(
         self, fingerprints: Mapping[int, str], jobs: int = 1, forms: Forms = lambda number: None
@@ -188,7 +191,7 @@ class OutputFolder:
         except InputError as error:
             faults.append((self.manifest_path, error.what))
         for number, state in self.states(fingerprints, jobs, forms).items():
-            if state != "whole":
+            if state not in ("whole", "concealed"):
                 faults.append((self.frame_path(number), _PROBLEMS[state]))
         return faults
 
