@@ -187,5 +187,6 @@ def test_every_attribute_and_layer_is_explained(tmp_path: Path) -> None:
         "channels", "compression", "dataWindow", "displayWindow", "lineOrder", "type",
         "screenWindowCenter", "screenWindowWidth",
     }  # fmt: skip
-    assert set(image.attributes) - of_exr == set(ATTRIBUTES) - {"acesImageContainerFlag"}
+    of_some = {"acesImageContainerFlag", "itmoSourceDamaged"}
+    assert set(image.attributes) - of_exr == set(ATTRIBUTES) - of_some
     assert set(image.channels) - set("RGB") == set(LAYER_CHANNELS)
