@@ -239,7 +239,7 @@ def _damage(
     if summary.damaged:
         told.append(f"frames {format_ranges(summary.damaged)} are damaged in the source")
     if cut_short > 0:
-        told.append(f"the file is cut short or damaged: {missing(cut_short, 'frame')}")
+        told.append(f"the file is truncated or damaged: {missing(cut_short, 'frame')}")
     made = counted(summary.written + summary.present, "frame")
     return DamagedInputError(
         "; ".join(told),
