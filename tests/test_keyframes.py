@@ -107,7 +107,7 @@ def _small(frames: list[Analysed]) -> list[Analysed]:
     out = []
     for f in frames:
         grey = (f.tiny * 255).astype(np.uint8)
-        out.append(Analysed(f.frame, f.guide, grey, f.tiny))
+        out.append(Analysed(f.frame, f.guide, grey, f.tiny, grey))
     return out
 
 

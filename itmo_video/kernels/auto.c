@@ -1,6 +1,7 @@
 /* The gains of `auto`, alone or times the picture as half floats. */
 
 #include "auto_gains.h"
+#include "vectors.h"
 
 /* See native.ramps. */
 CLONED void itmo_ramps(const float *values, float low, float scale, int64_t count,
@@ -51,7 +52,7 @@ CLONED void itmo_expand_auto(const float *red, const float *green, const float *
     const float *rgb[3] = {red, green, blue};
     const float *maps[4] = {map_red, map_green, map_blue, map_curve};
     uint16_t *out[3] = {out_red, out_green, out_blue};
-    float gains[3][BLOCK];
+    float gains[3][BLOCK], products[BLOCK];
     for (int64_t i = 0; i < count; i += BLOCK) {
         int64_t size = count - i < BLOCK ? count - i : BLOCK;
         const float *here[3], *known[4];
@@ -63,13 +64,9 @@ CLONED void itmo_expand_auto(const float *red, const float *green, const float *
                 gains[c][x] = (gains[c][x] - 1) * strength + 1;
         for (int c = 0; c < 3; c++) {
             const float *plane = here[c], *gain = gains[made > 1 ? c : 0];
-            uint16_t *restrict to = out[c] + i;
-            if (made)
-                for (int64_t x = 0; x < size; x++)
-                    to[x] = half_of(plane[x] * gain[x]);
-            else
-                for (int64_t x = 0; x < size; x++)
-                    to[x] = half_of(plane[x]);
+            for (int64_t x = 0; made && x < size; x++)
+                products[x] = plane[x] * gain[x];
+            itmo_halves(made ? products : plane, size, out[c] + i);
         }
     }
 }

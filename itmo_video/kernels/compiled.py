@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import ctypes
 import functools
+import math
 from collections.abc import Sequence
 from typing import Any, NamedTuple, TypeAlias, TypeVar, cast
 
@@ -60,7 +61,8 @@ class CodesToLight(NamedTuple):
     `sites` (across, down) are None where chroma is as large as luma, else chroma.siting_offset's.
     `levels` are the codes of black and of white above it, then those of no chroma and of chroma's
     range; `matrix` what Cr adds to red, Cb to blue, Cr to green and Cb to green, for each of its
-    range. With an `exponent` (2 to 4) limited to [0, 1] and raised to it, within 6e-6.
+    range. With an `exponent` (2 to 4) limited to [0, 1] and raised to it, within 1e-6; 0 for
+    values below 2^-15, which by such a power are far below the least half.
     """
 
     sites: tuple[float | None, float | None]
@@ -73,6 +75,12 @@ class CodesToLight(NamedTuple):
         """The sites as C has them: -1 for None, else 0 to 2."""
         across, down = (-1 if site is None else round(2 * site) for site in self.sites)
         return across, down
+
+    @property
+    def black_and_scale(self) -> tuple[float, float, float, float]:
+        """`levels` with what a code above black is worth, and one of chroma."""
+        black, span, middle, chroma_span = self.levels
+        return black, _one_over(span), middle, _one_over(chroma_span)
 
 
 def ycbcr_rows(
@@ -93,14 +101,42 @@ def ycbcr_rows(
     strides = np.array([cb.strides[0], cr.strides[0]], np.int64)
     across, down = codes.sites_in_halves
     scratch = np.empty(5 * width + 2 + luma.shape[1], np.float32)
-    level, factor = np.array(codes.levels, np.float32), np.array(codes.matrix, np.float32)
+    level = np.array(codes.black_and_scale, np.float32)
+    factor = np.array(codes.matrix, np.float32)
     loaded.itmo_ycbcr_rows(
         luma, cb, cr,
         luma.strides[0], strides, luma.itemsize,
         luma.shape[1], width, height, rows.start, rows.stop - rows.start, across, down,
-        level, factor, codes.exponent or 0, scratch,
+        level, factor, None if codes.exponent is None else power_curve(codes.exponent), scratch,
         *out,
     )  # fmt: skip
+
+
+def _one_over(span: float) -> float:
+    """What times `span` is 1 in float32, too, so that white is white."""
+    scale = np.float32(1 / span)
+    return float(scale if np.float32(span) * scale >= 1 else np.nextafter(scale, np.float32(1)))
+
+
+@functools.lru_cache(maxsize=8)
+def power_curve(exponent: float) -> Float32:
+    """What `itmo_power` raises to a power by: float32 (21,), of an exponent of 2 to 4.
+
+    A value is (1 + t) * 2^e, t from 0 to 1. First are the coefficients of t to t^5 in
+    (1 + t)^exponent, within 5e-7: those of t to t^4 in ((1 + t)^exponent - 1) / t, met at
+    Chebyshev's places by divided differences. Then 2^(exponent * e) for e from -15 to 0.
+    """
+    places = [0.5 - 0.5 * math.cos(math.pi * (k + 0.5) / 5) for k in range(5)]
+    values = [((1 + t) ** exponent - 1) / t for t in places]
+    for order in range(1, 5):
+        for k in range(4, order - 1, -1):
+            values[k] = (values[k] - values[k - 1]) / (places[k] - places[k - order])
+    terms = [0.0] * 5
+    for place, value in zip(reversed(places), reversed(values), strict=True):
+        terms = [below - place * term for below, term in zip([0.0, *terms], terms, strict=False)]
+        terms[0] += value
+    scales = [2.0 ** (exponent * e) for e in range(-15, 1)]
+    return np.array([*terms, *scales], np.float32)
 
 
 def alike_planes(planes: Sequence[Codes], rows: slice) -> tuple[Codes, Codes, Codes]:
@@ -211,18 +247,19 @@ def guide_rows(
     alike(above, parts)
     _check_rows(slice(rows.start, rows.start + len(above)), luma)
     count, (planes, h, w), (height, width) = len(above), small.shape, luma.shape
-    starts, shares = columns_between(w, width)
+    columns, shares = columns_between(w, width)
     ratio = np.empty((count, width), np.float32) if guards else None
     maps = np.empty(((planes - 2 * guards) // (1 + edge_aware), count, width), np.float32)
     scratch = np.empty(
-        2 * planes * (w + 1) + 5 * width + (planes + 2) * (width + 2 * AT_ONCE), np.float32
+        2 * planes * (w + 1) + 5 * width + (planes + 2) * (width + 2 * AT_ONCE) + 2 * AT_ONCE,
+        np.float32,
     )
     black, span = levels
     loaded.itmo_guide_rows(
         luma, luma.strides[0], luma.itemsize, 1 / span, -black / span,
         height, rows.start, count, width,
         small, planes, h, w,
-        above, parts, starts, shares,
+        above, parts, columns, shares,
         guards, edge_aware, scratch,
         ratio, maps,
     )  # fmt: skip
@@ -264,8 +301,8 @@ def expand(
 
 @functools.lru_cache(maxsize=8)
 def columns_between(small_width: int, width: int) -> tuple[npt.NDArray[np.int32], Float32]:
-    """The first column right of the centre of each small one, and each column's weight for it."""
+    """The small column right of each column's middle, and the share of it; AT_ONCE more of both."""
     x = (np.arange(width + AT_ONCE) + 0.5) * (small_width / width) - 0.5
     left = np.floor(x)
-    starts = np.searchsorted(left[:width], np.arange(-1, small_width + 1)).astype(np.int32)
-    return starts, (x - left).astype(np.float32)
+    columns = np.minimum(left + 1, small_width).astype(np.int32)
+    return columns, (x - left).astype(np.float32)

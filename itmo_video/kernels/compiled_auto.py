@@ -18,10 +18,11 @@ from itmo_video.kernels.compiled import (
     alike,
     alike_planes,
     columns_between,
+    power_curve,
     whole,
 )
 
-_BLOCK = 64  # places, as in auto_gains.h
+_BLOCK, _RUN = 64, 512  # places, as in from_codes.c
 
 
 class GainAuto(NamedTuple):
@@ -82,22 +83,21 @@ def auto_from_codes(
         raise ValueError(f"{len(maps.above)} rows of maps for {rows.stop - rows.start}")
     alike(maps.above, maps.parts)
     alike(luma[rows], *out)
-    starts, shares = columns_between(width, shape[1])
+    columns, shares = columns_between(width, shape[1])
     black, span = codes.levels[:2]
     sizes = np.array(
         [luma.itemsize, shape[1], cb.shape[1], cb.shape[0], rows.start, rows.stop - rows.start,
          *codes.sites_in_halves, count, height, width, maps.guards], np.int64,
     )  # fmt: skip
     light = np.array(
-        [*codes.levels, *codes.matrix, codes.exponent, 1 / span, -black / span, strength],
-        np.float32,
+        [*codes.black_and_scale, *codes.matrix, 1 / span, -black / span, strength], np.float32
     )
-    across = (shape[1] + AT_ONCE + _BLOCK) // _BLOCK * _BLOCK
-    room = (5 + count) * (across + _BLOCK) + 2 * count * (width + 1) + cb.shape[1] + 2
+    across = (shape[1] + AT_ONCE + _RUN) // _BLOCK * _BLOCK
+    room = (5 + count) * across + 2 * (count * (width + 1) + AT_ONCE) + cb.shape[1] + 2
     loaded.itmo_auto_from_codes(
         luma, cb, cr,
         luma.strides[0], np.array([cb.strides[0], cr.strides[0]], np.int64), sizes, light,
-        whole(maps.planes), maps.above, maps.parts, starts, shares,
+        power_curve(codes.exponent), whole(maps.planes), maps.above, maps.parts, columns, shares,
         np.array(maps.numbers, np.int64), numbers.as_array(not maps.is_known),
         np.zeros(room, np.float32),
         *out,

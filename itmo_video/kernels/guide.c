@@ -103,12 +103,13 @@ INLINE void code_line(const uint8_t *luma, int64_t stride, int64_t bytes, float 
 CLONED void itmo_guide_rows(const uint8_t *luma, int64_t stride, int64_t bytes, float scale,
                             float offset, int64_t height, int64_t top, int64_t rows,
                             int64_t width, const float *small, int64_t planes, int64_t h, int64_t w,
-                            const int64_t *above, const float *parts, const int32_t *starts,
+                            const int64_t *above, const float *parts, const int32_t *columns,
                             const float *shares, int64_t guards, int64_t edge_aware, float *scratch,
                             float *ratio, float *maps)
 {
     int64_t across = width + 2 * AT_ONCE, after = guards ? 2 : 0;
-    float *lefts = scratch, *steps = lefts + planes * (w + 1), *soft = steps + planes * (w + 1);
+    float *lefts = scratch, *steps = lefts + planes * (w + 1) + AT_ONCE;
+    float *soft = steps + planes * (w + 1) + AT_ONCE;
     float *summed = soft + across, *lines = summed + across, *wide = lines + WINDOW * width;
     int64_t needs_codes = guards || edge_aware;
     for (int64_t y = top - REACH; needs_codes && y < top + REACH; y++)
@@ -119,7 +120,7 @@ CLONED void itmo_guide_rows(const uint8_t *luma, int64_t stride, int64_t bytes, 
         if (needs_codes)
             code_line(luma, stride, bytes, scale, offset, height, y + REACH, width, lines);
         lines_between(small, planes, h, w, above[row], parts[row], lefts, steps);
-        widen(lefts, steps, planes, w, across, starts, shares, wide);
+        itmo_widen(lefts, steps, planes, w, across, columns, shares, width, wide);
         if (guards)
             guard_line(wide, wide + across, code, width, ratio + row * width);
         if (!edge_aware) {

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-_VERSION = 14  # of the kernels
+_VERSION = 15  # of the kernels
 
 
 class _Array:
@@ -51,14 +51,14 @@ _TYPES: dict[str, Any] = {
 # As in loops.h (tests/test_native.py compares): lower case is a number or a plane's lines.
 _ARGUMENTS = {
     "pack_literals": "BnnBL",
-    "ycbcr_rows": "pppnLn" + "nnnnnnn" + "FFfF" + "FFF",
+    "ycbcr_rows": "pppnLn" + "nnnnnnn" + "FFFF" + "FFF",
     "drive": "FFFFFnF",
     "camera_model": "DDDDn" + "DndDD",
     "guided_coefficients": "FFnnnfFD" + "FFFF",
     "guide_rows": "pnnff" + "nnnn" + "Fnnn" + "LFIF" + "nnF" + "FF",
     "gain_banterle2006": "FffnF",
     "gain_auto": "FFF" + "F" + "FFFF" + "Fn" + "FFF",
-    "auto_from_codes": "pppnLLF" + "FLFIF" + "LFF" + "HHH",
+    "auto_from_codes": "pppnLLFF" + "FLFIF" + "LFF" + "HHH",
     "add_weighed": "FFnnF",
     "blend": "FFFnnF",
     "halves": "FnH",

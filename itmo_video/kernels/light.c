@@ -7,7 +7,7 @@ CLONED void itmo_ycbcr_rows(const uint8_t *luma, const uint8_t *cb, const uint8_
                             int64_t luma_stride, const int64_t *chroma_strides, int64_t bytes,
                             int64_t width, int64_t chroma_width, int64_t chroma_height, int64_t first,
                             int64_t rows, int64_t site_x, int64_t site_y, const float *levels,
-                            const float *matrix, float exponent, float *scratch, float *red,
+                            const float *matrix, const float *power, float *scratch, float *red,
                             float *green, float *blue)
 {
     float *line = scratch, *wide[2] = {line + chroma_width + 2, line + 3 * chroma_width + 2};
@@ -18,8 +18,8 @@ CLONED void itmo_ycbcr_rows(const uint8_t *luma, const uint8_t *cb, const uint8_
         code_lines(&picture, first + row, line, y, wide);
         float *line_out[3] = {red + row * width, green + row * width, blue + row * width};
         to_rgb(y, wide[0], wide[1], matrix, width, line_out[0], line_out[1], line_out[2]);
-        for (int c = 0; exponent > 0 && c < 3; c++)
-            to_light(line_out[c], width, exponent);
+        for (int c = 0; power && c < 3; c++)
+            itmo_power(line_out[c], width, power);
     }
 }
 
@@ -45,25 +45,23 @@ CLONED void itmo_gain_banterle2006(const float *luminance, float slope, float fa
     }
 }
 
-INLINE void to_halves(const float *values, const float *gain, int64_t count, uint16_t *restrict out)
-{
-    for (int64_t x = 0; x < count; x++)
-        out[x] = half_of(values[x] * gain[x]);
-}
-
 /* See native.expand. */
 CLONED void itmo_expand(const float *red, const float *green, const float *blue, const float *gain,
                         const float *map, float base, float strength, float rest, int64_t count,
                         uint16_t *red_out, uint16_t *green_out, uint16_t *blue_out)
 {
     enum { BLOCK = 512 };
-    float weighed[BLOCK];
+    const float *planes[3] = {red, green, blue};
+    uint16_t *out[3] = {red_out, green_out, blue_out};
+    float weighed[BLOCK], products[BLOCK];
     for (int64_t i = 0; i < count; i += BLOCK) {
         int64_t size = count - i < BLOCK ? count - i : BLOCK;
         for (int64_t x = 0; x < size; x++)
             weighed[x] = (gain[i + x] - base) * map[i + x] * strength + rest;
-        to_halves(red + i, weighed, size, red_out + i);
-        to_halves(green + i, weighed, size, green_out + i);
-        to_halves(blue + i, weighed, size, blue_out + i);
+        for (int c = 0; c < 3; c++) {
+            for (int64_t x = 0; x < size; x++)
+                products[x] = planes[c][i + x] * weighed[x];
+            itmo_halves(products, size, out[c] + i);
+        }
     }
 }

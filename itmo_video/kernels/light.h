@@ -3,40 +3,21 @@
 #ifndef ITMO_LIGHT_H
 #define ITMO_LIGHT_H
 
-#include "numbers.h"
+#include "vectors.h"
 
-/* x to the power g, for x from 1e-8 to 1 and g from 1 to 4, within 6e-6, and 1 of 1.
-
-   2 to the power g log2 x. The logarithm of a mantissa m around 1 by its series in (m - 1) / (m + 1),
-   the power of a fraction by its own; fma is the same on every machine. */
-INLINE float power(float x, float g)
-{
-    int32_t bits, mantissa_bits;
-    float mantissa;
-    memcpy(&bits, &x, 4);
-    int32_t exponent = (bits - 0x3f3504f3) >> 23; /* the mantissa between the roots of 1/2 and 2 */
-    mantissa_bits = bits - exponent * (1 << 23);
-    memcpy(&mantissa, &mantissa_bits, 4);
-    float s = (mantissa - 1) / (mantissa + 1), q = s * s;
-    float series = FMA(FMA(FMA(FMA(0.32059889f, q, 0.41219859f), q, 0.57707802f), q, 0.96179669f),
-                        q, 2.88539008f);
-    float whole_and_rest = g * FMA(s, series, (float)exponent);
-    /* The nearest whole, as none is above 0. */
-    return two_to(whole_and_rest, (int32_t)(whole_and_rest - 0.5f));
-}
-
-/* One line of codes, (code * own + other * share - black) / span for a line and its neighbour. */
+/* One line of codes, (code * own + other * share - black) * scale for a line and its neighbour; the
+   sum of the two is exact. */
 INLINE void line_of(const uint8_t *here, const uint8_t *neighbour, int64_t width, int64_t bytes,
-                    float share, float black, float span, float *restrict out)
+                    float share, float black, float scale, float *restrict out)
 {
     float own = 1 - share;
     if (bytes == 1)
         for (int64_t x = 0; x < width; x++)
-            out[x] = ((float)here[x] * own + (float)neighbour[x] * share - black) / span;
+            out[x] = ((float)here[x] * own + (float)neighbour[x] * share - black) * scale;
     else {
         const uint16_t *wide = (const uint16_t *)here, *beside = (const uint16_t *)neighbour;
         for (int64_t x = 0; x < width; x++)
-            out[x] = ((float)wide[x] * own + (float)beside[x] * share - black) / span;
+            out[x] = ((float)wide[x] * own + (float)beside[x] * share - black) * scale;
     }
 }
 
@@ -48,14 +29,6 @@ INLINE void to_rgb(const float *y, const float *cb, const float *cr, const float
         red[x] = cr[x] * cr_red + y[x];
         blue[x] = cb[x] * cb_blue + y[x];
         green[x] = cb[x] * cb_green + (cr[x] * cr_green + y[x]);
-    }
-}
-
-INLINE void to_light(float *restrict values, int64_t width, float exponent)
-{
-    for (int64_t x = 0; x < width; x++) {
-        float light = power(between(values[x], 1e-8f, 1), exponent);
-        values[x] = light > 1e-15f ? light : 0;
     }
 }
 

@@ -45,7 +45,7 @@ void itmo_guide_rows(const uint8_t *luma, int64_t stride, int64_t bytes, float s
 void itmo_ycbcr_rows(const uint8_t *luma, const uint8_t *cb, const uint8_t *cr,
     int64_t luma_stride, const int64_t *chroma_strides, int64_t bytes, int64_t width,
     int64_t chroma_width, int64_t chroma_height, int64_t first, int64_t rows, int64_t site_x,
-    int64_t site_y, const float *levels, const float *matrix, float exponent, float *scratch,
+    int64_t site_y, const float *levels, const float *matrix, const float *power, float *scratch,
     float *red, float *green, float *blue);
 void itmo_drive(const float *red, const float *green, const float *blue, const float *weights,
     const float *ratio, int64_t count, float *restrict out);
@@ -62,14 +62,14 @@ void itmo_expand_auto(const float *red, const float *green, const float *blue, c
     uint16_t *restrict out_green, uint16_t *restrict out_blue);
 void itmo_auto_from_codes(const uint8_t *luma, const uint8_t *cb, const uint8_t *cr,
     int64_t luma_stride, const int64_t *chroma_strides, const int64_t *sizes, const float *light,
-    const float *small, const int64_t *above, const float *parts, const int32_t *starts,
-    const float *shares, const int64_t *which, const float *n, float *scratch,
-    uint16_t *out_red, uint16_t *out_green, uint16_t *out_blue);
+    const float *power, const float *small, const int64_t *above, const float *parts,
+    const int32_t *columns, const float *shares, const int64_t *which, const float *n,
+    float *scratch, uint16_t *out_red, uint16_t *out_green, uint16_t *out_blue);
 void itmo_add_weighed(const float *values, const float *weight, int64_t count, int64_t channels,
     float *restrict total);
 void itmo_blend(const float *left, const float *right, const float *share, int64_t count,
     int64_t channels, float *restrict out);
-void itmo_halves(const float *values, int64_t count, uint16_t *restrict out);
+void itmo_halves(const float *values, int64_t count, uint16_t *out);
 void itmo_expand(const float *red, const float *green, const float *blue, const float *gain,
     const float *map, float base, float strength, float rest, int64_t count, uint16_t *red_out,
     uint16_t *green_out, uint16_t *blue_out);

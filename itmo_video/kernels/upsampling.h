@@ -3,11 +3,9 @@
 #ifndef ITMO_UPSAMPLING_H
 #define ITMO_UPSAMPLING_H
 
-#include "loops.h"
+#include "vectors.h"
 
-enum { AT_ONCE = 8 }; /* places that are brought up at a time: what `out` holds more than a line */
-
-/* Each plane's line between rows `above` and the next, as `widen` takes it: `part` of the lower. */
+/* Each plane's line between rows `above` and the next, as `itmo_widen` takes it: `part` of the lower. */
 INLINE void lines_between(const float *small, int64_t planes, int64_t h, int64_t w, int64_t above,
                           float part, float *lefts, float *steps)
 {
@@ -22,24 +20,6 @@ INLINE void lines_between(const float *small, int64_t planes, int64_t h, int64_t
         for (int64_t x = 0; x < w; x++)
             step[x] = left[x + 1] - left[x];
         step[w] = 0;
-    }
-}
-
-/* Each plane's line of w to one of width: between columns i - 1 and i from starts[i] on, AT_ONCE
-   at a time; what is written too far is written again by the next. `lefts` and `steps` hold w + 1
-   for each plane, `out` across. */
-INLINE void widen(const float *lefts, const float *steps, int64_t planes, int64_t w, int64_t across,
-                  const int32_t *starts, const float *shares, float *restrict out)
-{
-    for (int64_t i = 0; i <= w; i++) {
-        int32_t x = starts[i];
-        do
-            for (int64_t p = 0; p < planes; p++) {
-                float left = lefts[p * (w + 1) + i], step = steps[p * (w + 1) + i];
-                for (int k = 0; k < AT_ONCE; k++)
-                    out[p * across + x + k] = left + step * shares[x + k];
-            }
-        while ((x += AT_ONCE) < starts[i + 1]);
     }
 }
 

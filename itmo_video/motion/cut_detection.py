@@ -16,6 +16,7 @@ import numpy as np
 
 from itmo_video.colour.analysis_picture import analysis_guide, grey_of
 from itmo_video.model import Code, Float32, Frame
+from itmo_video.motion.flow import motion_picture
 
 CUT_REACH = 3  # frames to either side that decide about a cut; also the longest flash
 CUT_DIFFERENCE = 0.045  # mean absolute difference of tiny pictures, 0 to 1
@@ -41,12 +42,16 @@ S = TypeVar("S", bound=Seen)
 
 @dataclass(frozen=True)
 class Analysed:
-    """A frame with its luma at analysis size, as codes and in 8 bits, and tiny for finding cuts."""
+    """A frame with its luma at analysis size, as codes and in 8 bits, and for cuts and motion.
+
+    `tiny` is what cuts are found in, `motion` what motion is (`flow.motion_picture`).
+    """
 
     frame: Frame
     guide: Float32
     grey: Code
     tiny: Float32
+    motion: Code
 
     @property
     def index(self) -> int:
@@ -73,7 +78,7 @@ def analyse_frame(frame: Frame, map_width: int) -> Analysed:
     guide = analysis_guide(frame, map_width)
     grey = grey_of(guide)
     tiny = cv2.resize(grey, TINY_SIZE, interpolation=cv2.INTER_AREA).astype(np.float32)
-    return Analysed(frame, guide, grey, tiny / np.float32(255))
+    return Analysed(frame, guide, grey, tiny / np.float32(255), motion_picture(grey))
 
 
 def difference(a: Seen, b: Seen) -> float:

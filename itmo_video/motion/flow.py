@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Sequence
+from typing import cast
 
 import cv2
 import numpy as np
@@ -18,14 +19,28 @@ from itmo_video.kernels.dispatch import with_compiled_form
 from itmo_video.model import Code, Float32, Float64
 
 AGREEMENT_SIGMA = 6.0  # 8-bit codes: a difference of this size counts for 1/e as much
-AGREEMENT_BLUR_PX = 9
+AGREEMENT_BLUR_PX, FINE_BLUR_PX = 9, 5  # of large and of small pictures
 FLOW_MARGIN = 0.75  # 8-bit codes: a motion must explain the picture better by this much
 CAMERA_SHARE = 0.15  # of the picture: a camera that moves explains at least this much better
 CAMERA_WORSE = 1 / 3  # of that: it explains at most this much worse
 CAMERA_STEP_PX = 12
 CAMERA_SIGMAS_PX = (16.0, 8.0, 4.0, 2.0, 1.0, 0.5, 0.5)  # by rounds; this far off counts a quarter
 CAMERA_RIDGE = 1e-6  # of the weights' sum: texture in a single place leaves no slope
+LARGE_PX = 320  # a longer side above this makes a picture large
 _local = threading.local()
+
+
+def motion_picture(grey: Code) -> Code:
+    """The picture that motion is found in: of half the size, where that is enough.
+
+    DIS ends at a quarter of a large picture's size; half of the picture tells it as much, and all
+    that is done with a flow costs a quarter.
+    """
+    height, width = grey.shape
+    if max(grey.shape) <= LARGE_PX or min(grey.shape) < 128:
+        return grey
+    half = ((width + 1) // 2, (height + 1) // 2)
+    return cast(Code, cv2.resize(grey, half, interpolation=cv2.INTER_AREA))
 
 
 def flow_px(here: Code, there: Code) -> Float32:
@@ -44,6 +59,9 @@ def flow_px(here: Code, there: Code) -> Float32:
         dis = cv2.DISOpticalFlow.create(cv2.DISOPTICAL_FLOW_PRESET_FAST)
         if not bears_quarter_size(*here.shape):
             dis.setFinestScale(0)
+        elif max(here.shape) <= LARGE_PX:
+            dis.setFinestScale(1)
+            dis.setVariationalRefinementIterations(0)  # maps are carried as well, in half the time
         _local.dis = (here.shape, dis)
     flow = np.asarray(dis.calc(here, there, None), np.float32)
     return steadied(here, there, flow)
@@ -76,7 +94,7 @@ def steadied(here: Code, there: Code, flow: Float32) -> Float32:
         camera, plain = np.zeros_like(flow), still
     moved = local_difference(here, warp(there, flow))
     trust = np.clip((plain - moved) / np.float32(FLOW_MARGIN), 0, 1)
-    trust = cv2.blur(trust, (AGREEMENT_BLUR_PX, AGREEMENT_BLUR_PX))
+    trust = cv2.blur(trust, _blur_size(here))
     return np.asarray(cv2.blendLinear(flow, camera, trust, 1 - trust), np.float32)
 
 
@@ -139,13 +157,35 @@ def warp(image: Code | Float32, flow: Float32) -> Float32:
 
 def compose(first: Float32, second: Float32) -> Float32:
     """Flow a to c from a to b and b to c."""
-    return np.asarray(cv2.add(first, warp(second, first)), np.float32)
+    across, down = (warp(part, first) for part in cv2.split(second))  # cv2's own of two is slow
+    return np.asarray(cv2.add(first, cv2.merge([across, down])), np.float32)
+
+
+def warp_map(key_map: Float32, flow: Float32) -> Float32:
+    """A map (there) fetched along a flow of its own size or a smaller one: its shape."""
+    (height, width), (h, w) = key_map.shape[:2], flow.shape[:2]
+    if (height, width) != (h, w):
+        flow = cv2.resize(flow, (width, height), interpolation=cv2.INTER_LINEAR)
+        flow *= np.array([width / w, height / h], np.float32)
+    return warp(key_map, flow)
+
+
+def weight_of(agreed: Float32, key_map: Float32) -> Float32:
+    """A weight found at a motion picture's size as it is for a map: (H, W)."""
+    height, width = key_map.shape[:2]
+    if agreed.shape == (height, width):
+        return agreed
+    return np.asarray(cv2.resize(agreed, (width, height), interpolation=cv2.INTER_LINEAR))
 
 
 def local_difference(a: Code, b: Code | Float32) -> Float32:
     """Mean absolute difference in a small square around each pixel, in 8-bit codes."""
-    size = (AGREEMENT_BLUR_PX, AGREEMENT_BLUR_PX)
-    return np.asarray(cv2.boxFilter(cv2.absdiff(a, b), cv2.CV_32F, size), np.float32)
+    return np.asarray(cv2.boxFilter(cv2.absdiff(a, b), cv2.CV_32F, _blur_size(a)), np.float32)
+
+
+def _blur_size(picture: Code) -> tuple[int, int]:
+    blur_px = AGREEMENT_BLUR_PX if max(picture.shape) > LARGE_PX else FINE_BLUR_PX
+    return blur_px, blur_px
 
 
 def agreement(here: Code, there: Code, flow: Float32) -> Float32:
@@ -158,10 +198,15 @@ def agreement(here: Code, there: Code, flow: Float32) -> Float32:
 def blend_maps(
     left: Float32, right: Float32, t: float, w_left: Float32 | float, w_right: Float32 | float
 ) -> Float32:
-    """Two maps seen from one frame, by time (t from 0 at left to 1 at right) and agreement."""
+    """Two maps seen from one frame, by time (t from 0 at left to 1 at right) and agreement.
+
+    The weights may be of a smaller size.
+    """
     a, b = np.float32(1 - t) * w_left, np.float32(t) * w_right
     share = np.asarray(b / (a + b), np.float32)
-    return _blend(left, right, np.broadcast_to(share, left.shape[:2]))
+    if share.ndim == 0:
+        return _blend(left, right, np.broadcast_to(share, left.shape[:2]))
+    return _blend(left, right, weight_of(share, left))
 
 
 @with_compiled_form(compiled_maps.blend)
@@ -179,7 +224,8 @@ def spread(weight: Float32, values: Float32) -> Float32:
     """A weight (H, W) as it multiplies maps of several channels, (H, W, C)."""
     if weight.ndim == values.ndim:
         return weight
-    return np.asarray(cv2.merge([weight] * values.shape[2]))  # faster than broadcasting
+    merged = cv2.merge([weight] * values.shape[2])  # faster than broadcasting
+    return np.asarray(merged).reshape(values.shape)
 
 
 FindFlow = Callable[[Code, Code], Float32]
@@ -192,12 +238,15 @@ def track_map(
     t: float,
     find_flow: FindFlow = flow_px,
 ) -> Float32:
-    """The map of the frame `here` from the (picture, map) of the keys on its two sides."""
+    """The map of the frame `here` from the (picture, map) of the keys on its two sides.
+
+    Pictures are `motion_picture`s, of one size; maps may be larger.
+    """
     seen: list[Float32] = []
     weights: list[Float32] = []
     for there, key_map in (left, right):
         flow = find_flow(here, there)
-        seen.append(warp(key_map, flow))
+        seen.append(warp_map(key_map, flow))
         weights.append(agreement(here, there, flow))
     return blend_maps(seen[0], seen[1], t, weights[0], weights[1])
 

@@ -27,9 +27,9 @@ class Key:
     to_next: Future[Float32] | None = None
 
     @property
-    def grey(self) -> Code:
-        """8-bit grey picture at analysis size."""
-        return self.placed.analysed.grey
+    def picture(self) -> Code:
+        """The picture that motion is found in."""
+        return self.placed.analysed.motion
 
 
 @dataclass(frozen=True)
@@ -75,9 +75,11 @@ def smooth_map(keys: Sequence[Key], at: int, reach: int) -> Float32:
             link = behind.to_previous if step < 0 else behind.to_next
             assert link is not None
             flow = link.result() if flow is None else flow_room.compose(flow, link.result())
-            agreement = flow_room.agreement(centre.grey, keys[i].grey, flow)
-            flow_room.add_weighed(total, flow_room.warp(keys[i].raw_map.result(), flow), agreement)
-            weight += agreement
+            agreed = flow_room.agreement(centre.picture, keys[i].picture, flow)
+            agreed = flow_room.weight_of(agreed, total)
+            seen = flow_room.warp_map(keys[i].raw_map.result(), flow)
+            flow_room.add_weighed(total, seen, agreed)
+            weight += agreed
     total /= flow_room.spread(weight, total)
     return total
 
@@ -129,8 +131,8 @@ def spans(
         if item.is_key:
             key = Key(item, pool.submit(make_map, item.analysed) if make_map else no_map)
             if shot and smooth_keys:
-                key.to_previous = pool.submit(find_flow, key.grey, shot[-1].grey)
-                shot[-1].to_next = pool.submit(find_flow, shot[-1].grey, key.grey)
+                key.to_previous = pool.submit(find_flow, key.picture, shot[-1].picture)
+                shot[-1].to_next = pool.submit(find_flow, shot[-1].picture, key.picture)
             shot.append(key)
             waiting.append((key, [item]))
             yield from ready(smooth_keys)
@@ -155,9 +157,9 @@ def _span(
 ) -> Span:
     return Span(
         left.placed.analysed.index,
-        (left.grey, left_map),
+        (left.picture, left_map),
         right.placed.analysed.index if right else None,
-        (right.grey, right_map) if right is not None and right_map is not None else None,
+        (right.picture, right_map) if right is not None and right_map is not None else None,
         tuple(item.analysed for item in frames),
         frozenset(item.analysed.index for item in frames if item.is_flash),
     )

@@ -213,7 +213,7 @@ def map_between(
     if look.settings.temporal == "blend":
         return flow.blend_maps(left_map.result(), right_map.result(), t, 1.0, 1.0)
     keys = (left, left_map.result()), (right, right_map.result())
-    return flow.track_map(analysed.grey, *keys, t, find_flow)
+    return flow.track_map(analysed.motion, *keys, t, find_flow)
 
 
 @single_opencv_thread()

@@ -167,7 +167,7 @@ class Session:
     def _open(self, options: InputOptions) -> None:
         self.clip = RememberedClip(open_clip(self._source, options), self._frame_bytes)
         self._options = options
-        self._small = Memory[tuple[Float32, Code, Float32]](self._map_bytes)
+        self._small = Memory[tuple[Float32, Code, Float32, Code]](self._map_bytes)
         self._maps = Memory[Float32](self._map_bytes)
         self._seen = Memory[Any](self._map_bytes)
         self._flows = Memory[tuple[Float32, Code, Code]](self._map_bytes)
@@ -223,9 +223,9 @@ class Session:
     def _analyse(self, frame: Frame, map_width: int) -> Analysed:
         self._check()
 
-        def make() -> tuple[Float32, Code, Float32]:
+        def make() -> tuple[Float32, Code, Float32, Code]:
             made = analyse_frame(frame, map_width)
-            return made.guide, made.grey, made.tiny
+            return made.guide, made.grey, made.tiny, made.motion
 
         return Analysed(frame, *self._small.recall((frame.index, map_width), make, _bytes_of_all))
 
