@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import json
 import re
 import shutil
@@ -19,6 +20,7 @@ from clips import moving_scene, write_ffv1
 from itmo_video import analyse, make_settings
 from itmo_video.cli.main import main
 from itmo_video.conversion.convert import RunOptions, convert
+from itmo_video.delivery.aces import aces_sdr
 from itmo_video.delivery.preview import PreviewOptions, preview
 from itmo_video.html_report import embed, page, plots
 from itmo_video.output.exr import read_exr
@@ -218,6 +220,24 @@ def test_it_plays_and_its_divider_is_dragged(opened: tuple[Any, list[str]]) -> N
     tab.mouse.move(handle["x"] - 150, handle["y"] + 20, steps=3)
     tab.mouse.up()
     until(lambda: float(tab.input_value("#split")) < 45, "the divider does not follow")
+    assert told == []
+
+
+def test_aces_is_opencolorios(opened: tuple[Any, list[str]], folder: Path) -> None:
+    pytest.importorskip("PyOpenColorIO", reason="opencolorio is not installed")
+    tab, told = opened
+    move(tab, "split", 0)
+    before = pixels(tab)
+    tab.select_option("#tone-map", "aces")
+    data = base64.b64decode(changed(tab, before).partition(",")[2])
+    seen = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)
+    assert seen is not None
+    number = int(tab.get_attribute("#screen", "data-frame"))
+    channels = read_exr(next(folder.glob(f"*.{number:04d}.exr"))).channels
+    truth = 255 * aces_sdr([channels[c] for c in "RGB"], "rec709")
+    off = np.abs(seen[..., ::-1] - truth)
+    assert off.mean() < 1
+    assert np.percentile(off, 99.9) < 4
     assert told == []
 
 

@@ -11,6 +11,7 @@ import numpy as np
 
 from itmo_video.conversion.frame_ranges import format_ranges
 from itmo_video.conversion.run_options import RunOptions
+from itmo_video.delivery.aces import aces_sdr_table
 from itmo_video.delivery.from_folder import from_folder
 from itmo_video.delivery.pictures import Picture, Pictures
 from itmo_video.errors import UsageError
@@ -126,12 +127,14 @@ def render_page(
     """The page as text; the template engine escapes every name and value."""
     manifest = converted.manifest
     white, frames = pictures.white_nits, facts.frames
+    aces = aces_sdr_table()
     viewer = viewer_data(embedded, [frame.number for frame in frames], pictures)
     shares = facts.histogram.tolist()
     bars = plots.bars(shares, measure.LOWEST_STOP, measure.BINS_A_STOP)
     return str(_templates().get_template("report.html.j2").render(
         source_name=manifest.source_name, headline=page_words.headline(pictures), viewer=viewer,
-        style=_raw("report.css"), script=_raw("report.js"), import_map=_markup(import_map()),
+        style=_raw("report.css"), script=_raw("report.js"), import_map=_markup(import_map(aces)),
+        has_aces=aces is not None,
         shown_frames=format_ranges([e.number for e in embedded]), frame_count=len(frames),
         white_nits=f"{white:g}", levels=page_words.levels(facts), plots=_plots(facts), bars=bars,
         tallest=f"{max(shares):.1%}", warnings=page_words.warnings(facts, pictures, converted),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import base64
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from itmo_video import viewer
@@ -39,11 +39,11 @@ def viewer_data(
     }  # fmt: skip
 
 
-def import_map() -> str:
+def import_map(aces: Mapping[str, Any] | None) -> str:
     """The viewer's modules by name, embedded so that the page needs no other files."""
     imports = {
         name: f"data:text/javascript;base64,{base64.b64encode(text.encode()).decode()}"
-        for name, text in viewer.modules().items()
+        for name, text in viewer.modules(aces).items()
     }
     return json.dumps({"imports": imports})
 

@@ -8,6 +8,7 @@ import json
 from importlib import resources
 
 from itmo_video import viewer
+from itmo_video.delivery.aces import aces_sdr_table
 
 _KINDS = {
     ".html": "text/html; charset=utf-8",
@@ -23,7 +24,7 @@ class Site:
     def __init__(self) -> None:
         folder = resources.files("itmo_video.studio").joinpath("page")
         texts = {e.name: e.read_text("utf-8") for e in folder.iterdir() if _kind(e.name)}
-        shared = viewer.modules()
+        shared = viewer.modules(aces_sdr_table())
         import_map = json.dumps({"imports": {name: f"./{name}" for name in shared}})
         page = texts.pop("index.html").replace("IMPORT_MAP", import_map)
         digest = base64.b64encode(hashlib.sha256(import_map.encode()).digest()).decode()

@@ -54,3 +54,12 @@ export function factorTable(light, gain, name, peak) {
 // A table of 8-bit codes by the square root of light, times 4095.
 export const ENCODED = Uint8Array.from(
   { length: 4096 }, (_, i) => 255 * ((i / 4095) ** 2) ** (1 / 2.4) + 0.5);
+
+// A table of positions in ACES's table by picture code: evenly in log2 of light.
+export function acesTable(light, gain, { size, lowest, highest }) {
+  const floor = 2 ** lowest, scale = (size - 1) / (highest - lowest);
+  return Float32Array.from(light, (value) => {
+    const position = (Math.log2(Math.max(0, value * gain) + floor) - lowest) * scale;
+    return Math.min(size - 1, Math.max(0, position));
+  });
+}

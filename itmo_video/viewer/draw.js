@@ -1,6 +1,7 @@
 // Draws pictures into 8-bit RGBA: every view is a function from pixels to colours.
 
-import { ENCODED, clippedTable, factorTable } from "viewer/curves.js";
+import { ACES } from "viewer/aces.js";
+import { ENCODED, acesTable, clippedTable, factorTable } from "viewer/curves.js";
 import { bands, painter } from "viewer/false_colour.js";
 
 export const VIEWS = ["picture", "false", "difference", "map", "gain"];
@@ -16,6 +17,7 @@ function drawPicture(out, picture, left, right, { gain, toneMap, peak }) {
         out[p] = 255 << 24 | t[codes[p + 2 * n]] << 16 | t[codes[p + n]] << 8 | t[codes[p]];
     return;
   }
+  if (toneMap === "aces" && ACES) return drawAces(out, picture, left, right, gain);
   const factors = remembered(
     toneMap, picture, `${gain} ${peak}`, () => factorTable(light, gain, toneMap, peak));
   const top = light.length / 2;  // negative half floats lie above
@@ -29,6 +31,31 @@ function drawPicture(out, picture, left, right, { gain, toneMap, peak }) {
         | ENCODED[vb < 1 ? Math.sqrt(vb) * 4095 | 0 : 4095] << 16
         | ENCODED[vg < 1 ? Math.sqrt(vg) * 4095 | 0 : 4095] << 8
         | ENCODED[vr < 1 ? Math.sqrt(vr) * 4095 | 0 : 4095];
+    }
+}
+
+const aces = ACES && Uint8Array.from(atob(ACES.rgb), (c) => c.charCodeAt(0));
+
+// The output transform of ACES 2.0 for SDR, interpolated linearly in its table.
+function drawAces(out, picture, left, right, gain) {
+  const { width, height, count: n, shown: codes, light } = picture, { size } = ACES;
+  const at = remembered("aces", picture, gain, () => acesTable(light, gain, ACES));
+  const steps = [3, 3 * size, 3 * size * size], rgb = [0, 0, 0];
+  for (let y = 0; y < height; y++)
+    for (let p = y * width + left, end = y * width + right; p < end; p++) {
+      const r = at[codes[p]], g = at[codes[p + n]], b = at[codes[p + 2 * n]];
+      const i = Math.min(r | 0, size - 2), j = Math.min(g | 0, size - 2), k = Math.min(b | 0, size - 2);
+      const base = i * steps[0] + j * steps[1] + k * steps[2], u = r - i, v = g - j, w = b - k;
+      for (let c = 0; c < 3; c++) {
+        let a = base + c, sum = 0;
+        for (let z = 0; z < 2; z++, a += steps[2]) {
+          const near = aces[a] * (1 - u) + aces[a + 3] * u;
+          const far = aces[a + steps[1]] * (1 - u) + aces[a + steps[1] + 3] * u;
+          sum += (near * (1 - v) + far * v) * (z ? w : 1 - w);
+        }
+        rgb[c] = sum + 0.5;
+      }
+      out[p] = 255 << 24 | rgb[2] << 16 | rgb[1] << 8 | rgb[0];
     }
 }
 

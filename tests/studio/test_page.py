@@ -42,6 +42,18 @@ def check_probe(page: Page, exr: Path) -> None:
         assert nits == pytest.approx(203 * luminance[row, column], rel=0.03, abs=0.02), (x, y)
 
 
+def test_the_tone_map_may_be_that_of_aces(browser: Any, address: str) -> None:
+    page = Page(browser, address)
+    page.settled()
+    seen = [page.pixels()]
+    for name in ("clip", "aces"):
+        page.tab.select_option("#tone-map", name)
+        page.settled(tone=name)
+        seen.append(page.pixels())
+    assert len(set(seen)) == 3
+    assert page.told == []
+
+
 def story(browser: Any, clip: Path, folder: Path) -> None:
     """From a clip to a rendered shot with its own peak."""
     with driven.studio(clip, folder) as address:

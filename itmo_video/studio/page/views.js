@@ -1,5 +1,6 @@
 // Viewing options: view, compare, exposures, overlays, scope, zoom, and the HDR still.
 
+import { ACES } from "viewer/aces.js";
 import { PAGE } from "./api.js";
 import { change, on, S, told } from "./store.js";
 
@@ -89,6 +90,7 @@ export function openViews() {
     input.addEventListener("dblclick", () => expose(side, null));
   }
   for (const name of ["mask", "lights"]) byId(name).addEventListener("click", () => flip(name));
+  if (ACES) byId("tone-map").add(new Option("ACES 2.0, SDR", "aces"));
   byId("tone-map").addEventListener("change", (e) => change({ toneMap: e.target.value }, "view"));
   byId("scope-kind").addEventListener("change", (e) => change({ scope: e.target.value }, "view"));
   byId("zoom").addEventListener("click", zoom);
