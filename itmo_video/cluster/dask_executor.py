@@ -7,10 +7,12 @@ the same; a chunk whose worker dies is given to another one. `distributed` is im
 from __future__ import annotations
 
 import logging
+import shutil
+import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from itertools import islice
-from tempfile import TemporaryDirectory
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from itmo_video.cluster.address import LOCAL, Tls, check_address, security_for
@@ -18,6 +20,7 @@ from itmo_video.cluster.chunks import Outcome, cut_into_chunks, try_chunk
 from itmo_video.conversion.convert import Executor, Job, Summary
 from itmo_video.errors import ClusterError, DamagedInputError, ItmoError, UsageError
 from itmo_video.events import FrameDone, OnEvent
+from itmo_video.output.atomic import sweep_temp_folders, temp_path
 from itmo_video.rendering.spans import default_jobs
 from itmo_video.words import to_install
 
@@ -44,6 +47,7 @@ def cluster_executor(address: str, tls: Tls | None = None) -> Executor:
     security = security_for(address, tls or Tls())
 
     def execute(job: Job, summary: Summary, on_event: OnEvent) -> list[DamagedInputError]:
+        sweep_temp_folders(tempfile.gettempdir())
         if not job.todo:
             return []
         try:
@@ -57,7 +61,19 @@ def cluster_executor(address: str, tls: Tls | None = None) -> Executor:
 
 
 @contextmanager
+def _scratch_folder() -> Iterator[str]:
+    """A temporary folder for Dask, which bears its owner's name: a killed run's is removed."""
+    scratch = temp_path(Path(tempfile.gettempdir(), "dask"))
+    scratch.mkdir(mode=0o700)
+    try:
+        yield str(scratch)
+    finally:
+        shutil.rmtree(scratch, ignore_errors=True)
+
+
+@contextmanager
 def _connected(address: str, security: Any, job: Job) -> Iterator[Client]:
+    import dask
     from distributed import Client, LocalCluster
 
     # An interrupt between two lines of distributed's `sync` makes its own callback fail, which
@@ -65,7 +81,8 @@ def _connected(address: str, security: Any, job: Job) -> Iterator[Client]:
     logging.getLogger("tornado.application").setLevel(logging.CRITICAL)
     if address == LOCAL:
         with (
-            TemporaryDirectory(prefix="itmo-dask-", ignore_cleanup_errors=True) as scratch,
+            _scratch_folder() as scratch,
+            dask.config.set({"temporary-directory": scratch}),  # the scheduler's own files
             LocalCluster(
                 n_workers=job.run.jobs or default_jobs(),
                 threads_per_worker=1,

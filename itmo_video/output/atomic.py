@@ -11,6 +11,7 @@ import functools
 import itertools
 import os
 import re
+import shutil
 import socket
 from collections.abc import Iterable
 from contextlib import suppress
@@ -126,6 +127,17 @@ def sweep_temp_files(folder: StrPath) -> int:
                 os.unlink(os.path.join(folder, name))
                 swept += 1
     return swept
+
+
+def sweep_temp_folders(folder: StrPath) -> None:
+    """Remove the temporary folders in `folder` of dead processes of this machine, if possible."""
+    with suppress(OSError):
+        for entry in os.scandir(folder):
+            owner = temp_owner(entry.name)
+            if owner and entry.is_dir(follow_symlinks=False):
+                with suppress(OSError):  # another process may sweep at the same time
+                    if is_dead(owner, entry.stat(follow_symlinks=False).st_mtime):
+                        shutil.rmtree(entry.path, ignore_errors=True)
 
 
 def write_whole(path: StrPath, data: bytes | memoryview, *, durable: bool = False) -> int:

@@ -16,6 +16,8 @@ import sys
 import tempfile
 import zlib
 from collections import Counter
+from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
@@ -114,17 +116,19 @@ def main() -> int:
     width, height = map(int, args.size.split("x"))
     total: Counter[str] = Counter()
     for name in args.codecs or CODECS:
-        with multiprocessing.get_context("spawn").Pool(1) as pool:
-            job = pool.apply_async(of_codec, (name, args.trials, args.seed, (width, height)))
+        with ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as pool:
+            job = pool.submit(of_codec, name, args.trials, args.seed, (width, height))
             try:
-                found = job.get(timeout=SECONDS + 10 * args.trials)
-            except multiprocessing.TimeoutError:
-                found = Counter({"hung": 1})
-                print(f"{name}: hangs", flush=True)
+                found = job.result(timeout=SECONDS * (1 + args.trials))
+            except (TimeoutError, BrokenProcessPool) as error:
+                found = Counter({"hung or dead": 1})
+                print(f"{name}: {type(error).__name__}", flush=True)
+                for process in multiprocessing.active_children():
+                    process.kill()
         print(f"{name}: {dict(found)}", flush=True)
         total += found
     print(f"total: {dict(total)}")
-    return 1 if total["differ"] or total["hung"] else 0
+    return 1 if total["differ"] or total["hung or dead"] else 0
 
 
 if __name__ == "__main__":
