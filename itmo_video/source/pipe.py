@@ -123,6 +123,12 @@ class PipeClip(VideoClip):
     def _check_source(self) -> None:
         """Does nothing, as a pipe has no files that could change."""
 
+    def _check_readable(self) -> None:
+        """Does nothing, as a pipe has no disk that could fail."""
+
+    def _check_disk_end(self) -> None:
+        """Does nothing, likewise."""
+
     def _numbered(self, max_pixels: int) -> Iterator[Numbered]:
         """Frames in presentation order; an index is the number of packets shown before it."""
         stream, base = self._stream, Fraction(self._stream.time_base or 1)

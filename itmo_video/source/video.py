@@ -61,11 +61,10 @@ class VideoClip(Clip):
                     yield self._frame(index, decoded, is_damaged)
         except (InputError, av.FFmpegError, OSError):
             self._check_source()  # a file being rewritten is empty first, which is then the reason
-            check_readable(self._path, 0, _HEAD_BYTES)
+            self._check_readable()
             raise
         self._check_source()
-        if (fault := self._source.faults.get(self._path)) is not None:
-            raise ends_at(self._path, fault)
+        self._check_disk_end()
 
     def time_s(self, index: int) -> Fraction:
         """The presentation time as stamped, or by the frame rate if stamps are unusable."""
@@ -81,6 +80,15 @@ class VideoClip(Clip):
     def _check_source(self) -> None:
         """Raise DamagedInputError if the file was replaced by another."""
         self._source.check(self._path)
+
+    def _check_readable(self) -> None:
+        """Raise InputError if it is the disk that fails."""
+        check_readable(self._path, 0, _HEAD_BYTES)
+
+    def _check_disk_end(self) -> None:
+        """Raise DamagedInputError if the file ends where the disk failed."""
+        if (fault := self._source.faults.get(self._path)) is not None:
+            raise ends_at(self._path, fault)
 
     def _is_same(self, decoded: Any) -> bool:
         size = decoded.width, decoded.height
