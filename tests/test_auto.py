@@ -233,3 +233,30 @@ def test_truth_on_scenes_that_the_fit_has_not_seen(tmp_path: Path) -> None:
         gains_db[name] = errors[1] - errors[0]
     assert min(gains_db.values()) > 1.5, gains_db
     assert np.mean(list(gains_db.values())) > 3, gains_db
+
+
+def test_certainty_by_what_the_network_says_of_clipped_places() -> None:
+    shares = np.zeros((3, 10, 16, 32), np.float32)
+    clipped = np.zeros((32, 64), np.float32)
+    assert auto_levels.certainty(shares, clipped) == 1, "nothing clips"
+    clipped[:, 32:] = 1
+    shares[..., :16] = 0.5  # where nothing clips
+    shares[:, :3, :, 16:] = 1
+    assert auto_levels.certainty(shares, clipped) == pytest.approx(1)
+    shares[:, :3, :, 16:] = 0.3
+    assert auto_levels.certainty(shares, clipped) == pytest.approx(0.3)
+
+
+def test_where_the_network_is_not_certain_highlights_rise_by_less(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    picture = np.full((64, 96, 3), 0.1, np.float32)
+    picture[16:48, 24:72] = 1
+
+    def stops(share: float) -> float:
+        shares = np.full((3, 10, 32, 48), share, np.float32)
+        monkeypatch.setattr(auto, "level_shares", lambda *_: shares)
+        return float(auto.map_auto(picture, Context(4.9, 4.9))[32, 48, 1])
+
+    assert stops(0.9) == pytest.approx(0.9, abs=0.02)
+    assert stops(0.15) == pytest.approx(0.15 * auto.LEAST_TRUST, abs=0.02)

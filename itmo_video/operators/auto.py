@@ -24,13 +24,13 @@ from itmo_video.kernels import compiled_auto
 from itmo_video.kernels.dispatch import with_compiled_form
 from itmo_video.model import Float32, Half
 from itmo_video.operators.auto_clipping import bounded_parting, decided_together, known_clipped
-from itmo_video.operators.auto_levels import expected_levels, level_shares
+from itmo_video.operators.auto_levels import certainty, expected_levels, level_shares
 from itmo_video.operators.auto_rendering import GREATEST_WEIGHT, curve_weight, rendering_of
 from itmo_video.operators.base import Context, Guard, Parameter
 from itmo_video.operators.luminance_operator import weighed
 from itmo_video.operators.photographic import gain_banterle2006
 from itmo_video.operators.protocol import Sees
-from itmo_video.operators.ramps import ramps
+from itmo_video.operators.ramps import ramp, ramps
 
 # How far a channel counts as clipped, on linear light: fitted with the network's weights.
 OPEN_CENTRE, OPEN_SLOPE, OPEN_FROM = 0.808, 27.3, 0.5
@@ -40,6 +40,7 @@ _OPEN_LOW, _OPEN_WHITE = (
 APART_FROM, APART_WHOLLY = 0.9, 1.0  # of the greatest channel: below it none parts from the others
 RATIO_LOW, RATIO_HIGH = 0.7, 2.0  # of smoothed over given light: small lamps stay bright
 WITH_FROM, WITH_WHOLLY = 0.8, 1.0  # light at which a channel counts as clipped with the greatest
+UNSURE, SURE, LEAST_TRUST = 0.2, 0.4, 0.3  # of the network's stops, where it is not certain
 LEAST_LIGHT = 2e-3
 # Texture is not lifted with the light that falls on it: eq. 11's argument is smoothed over it.
 TEXTURE = Guard(radius_px=21, epsilon=0.02, curve_map=3)
@@ -64,7 +65,10 @@ def map_auto(rgb_linear: Float32, context: Context, wrap_x: bool = False) -> Flo
     maps[..., :3] = decided_together(apart, wide)[:, pad : pad + width]
     seen = context.recall("rendering", lambda: rendering_of(rgb_linear))
     rendering = replace(seen, footage=context.footage)
-    maps[..., :3] *= np.float32(rendering.caution)
+    clipped = np.ascontiguousarray(known.max(-1)[:, pad : pad + width])
+    sure = context.recall("certainty", lambda: certainty(shares, clipped, wrap_x))
+    trusted = LEAST_TRUST + (1 - LEAST_TRUST) * ramp(sure, UNSURE, SURE)
+    maps[..., :3] *= np.float32(rendering.caution * trusted)
     weight = curve_weight(wide, rendering, context.lamps)
     maps[..., 3] = weight[:, pad : pad + width]
     return maps

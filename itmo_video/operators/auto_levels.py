@@ -25,6 +25,7 @@ GATE_CENTRE, GATE_SLOPE = 0.9, 40.0
 TILE_PX = 32  # the network halves five times, so its pictures are multiples of this
 WIDTH_PX = 320  # of the network's picture if it would be wider than 480: takes half the time
 WRAP_PX = 64  # added at each side of a panorama from its other side
+CERTAIN_STOPS = 2.3  # levels that a display of 1000 nits shows
 _WEIGHTS = "auto.onnx"
 _local = threading.local()
 
@@ -100,6 +101,26 @@ def expected_levels(
     if (height, width) != tuple(size):
         seen = cv2.resize(seen, (size[1], size[0]), interpolation=cv2.INTER_LINEAR)
     return np.asarray(np.clip(seen, 0, 1), np.float32).reshape(size[0], size[1], 3)
+
+
+def certainty(shares: Float32, clipped: Float32, wrap_x: bool = False) -> float:
+    """How sure the network is of what it says of a whole picture, in [0, 1].
+
+    A share of 0 or 1 is sure, one between means that the place may reach a level or not: 1 less
+    the sum of s * (1 - s) over that of s, the channels' mean shares of the levels up to
+    CERTAIN_STOPS, weighed by their widths and by `clipped`, (H, W) in [0, 1], how far each place
+    has clipped. 1 where nothing has.
+    """
+    height, width = _seen_size(*clipped.shape)
+    left = WRAP_PX // 2 if wrap_x else 0
+    seen = shares[:, :, : max(1, height // 2), left : left + max(1, width // 2)].mean(0)
+    weight = cv2.resize(clipped, (seen.shape[2], seen.shape[1]), interpolation=cv2.INTER_AREA)
+    weight = np.asarray(weight, np.float32).reshape(seen.shape[1:])
+    widths = np.diff(np.minimum(EDGES_STOPS, CERTAIN_STOPS)).astype(np.float32)
+    by_level = np.einsum("hw,khw->k", weight, seen)
+    unsure = np.einsum("hw,khw->k", weight, seen * (1 - seen))
+    total = float(widths @ by_level)
+    return 1 - float(widths @ unsure) / total if total > 0 else 1.0
 
 
 def _seen_size(height: int, width: int) -> tuple[int, int]:
