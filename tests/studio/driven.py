@@ -100,6 +100,9 @@ class Page:
         With `drawn`: until the stage says that it is drawn so.
         """
 
+        if len(self.context.pages) > 1:
+            self.tab.bring_to_front()  # a browser does not draw what is hidden
+
         def holds() -> bool:
             want = {
                 "version": str(self.get("state")["version"]), "busy": "false", "scale": "1",

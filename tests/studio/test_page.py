@@ -212,6 +212,28 @@ def test_a_key_at_once_after_a_dialog_is_not_lost(browser: Any, address: str) ->
     assert opened
 
 
+def test_overtaken_requests_keep_no_connection(browser: Any, address: str) -> None:
+    """A browser has six a host: what is not read to its end holds one until it is collected."""
+    page = Page(browser, address)
+    open_ones: set[Any] = set()
+    page.tab.on("request", lambda request: open_ones.add(request))
+    for ended in ("requestfinished", "requestfailed"):
+        page.tab.on(ended, lambda request: open_ones.discard(request))
+    for frame in range(20, 32):  # faster than they are rendered, in two lanes
+        page.tab.evaluate(
+            """(index) => Promise.all([import('./store.js'), import('./views.js')])
+              .then(([{change}]) => { change({index, split: 'sdr'}, 'frame'); })""",
+            frame,
+        )
+    page.settled(frame="32")
+    page.until(lambda: not open_ones, "requests hold their connections")
+    page.press("3", view="difference")
+    page.press("s", compare="sdr")  # one picture in two roles
+    page.press("ArrowRight", frame="33")
+    page.until(lambda: not open_ones, "requests hold their connections")
+    assert page.told == []
+
+
 def test_two_pages_of_one_studio(browser: Any, address: str) -> None:
     one = Page(browser, address)
     two = Page(browser, address, beside=one)
@@ -249,10 +271,13 @@ def test_sdr_follows_its_settings(browser: Any, address: str) -> None:
     assert page.told == other.told == []
 
 
-def test_it_plays_a_loop(browser: Any, address: str) -> None:
+@pytest.mark.parametrize("key", ["", "d"])
+def test_it_plays_a_loop(browser: Any, address: str, key: str) -> None:
     page = Page(browser, address)
     tab = page.tab
     page.go(5)
+    if key:
+        page.press(key, compare="split")
     tab.keyboard.press("p")
     seen: set[str] = set()
 

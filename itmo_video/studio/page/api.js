@@ -10,7 +10,10 @@ export class Refused extends Error {}
 export class Stale extends Error {}
 
 async function answered(response) {
-  if (response.status === 204) throw new Stale();
+  if (response.status === 204) {
+    await response.arrayBuffer();  // what is not read to its end keeps its connection, of six
+    throw new Stale();
+  }
   if (response.ok) return response;
   let told = {};
   try { told = await response.json(); } catch { /* no words */ }

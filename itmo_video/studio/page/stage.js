@@ -30,12 +30,15 @@ function needs(index, scale) {
 const laneOf = ({ part, slot }) => part === "sdr" ? "sdr" : part === "hdr" ? slot : "layer";
 
 async function gathered(wanted, lane = null) {
-  const found = {};
-  const one = async ([role, asked]) => { found[role] = await load(asked, lane || laneOf(asked)); };
-  // Two layers share a lane, where the later request would replace the earlier one.
-  const { layer, mask, ...rest } = wanted;
-  await Promise.all(Object.entries(rest).map(one));
-  for (const entry of Object.entries({ layer, mask })) if (entry[1]) await one(entry);
+  const found = {}, lanes = new Map();
+  for (const [role, asked] of Object.entries(wanted)) {
+    const name = lane || laneOf(asked);
+    lanes.set(name, [...(lanes.get(name) ?? []), [role, asked]]);
+  }
+  // One after the other within a lane, where the later request would replace the earlier one.
+  await Promise.all([...lanes].map(async ([name, list]) => {
+    for (const [role, asked] of list) found[role] = await load(asked, name);
+  }));
   return found;
 }
 
