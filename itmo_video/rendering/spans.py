@@ -109,14 +109,14 @@ def planned_runs(
 def frames_in_flight(look: Look, jobs: int) -> int:
     """Upper bound of the decoded frames that are held at a time, whatever the clip.
 
-    `jobs + 1` spans are handed out; behind them wait the next one and those whose keys its
+    `jobs` spans are handed out; behind them wait the next one and those whose keys its
     smoothing looks ahead to, then a last key and the window that finds cuts and flashes. Smoothing
     also keeps keys behind. A flash makes one span longer and the following one as much shorter,
     but workers may be left with long ones only.
     """
     smooth, ahead = look.settings.smooth_reach, CUT_REACH + 2
-    spans = jobs + 2 + smooth
-    longer = (jobs + 1) * CUT_REACH
+    spans = jobs + 1 + smooth
+    longer = jobs * CUT_REACH
     return spans * look.settings.key_reach + longer + smooth + 1 + ahead + 1
 
 
@@ -252,7 +252,8 @@ def render_frames(
         runs = [(whole_run(wanted), look)] if clip.reads_once else None
         for run, own in runs or planned_runs(wanted, look, look_at):
             for span in spans_of(clip, run, own, on_end, pool):
-                while len(pending) > jobs:
+                # The next span is at hand by now, so no worker waits for more than this loop.
+                while len(pending) >= jobs:
                     finished, pending = wait(pending, return_when=FIRST_COMPLETED)
                     for future in finished:
                         future.result()
