@@ -14,6 +14,7 @@ import pytest
 from clips import SHARED, moving_scene, write_ffv1
 
 from itmo_video.cli.main import main
+from itmo_video.cli.outcome import interrupted
 
 SAMPLES = Path(__file__).resolve().parents[1] / "sample_clips"
 
@@ -38,6 +39,7 @@ def clip(tmp_path_factory: pytest.TempPathFactory) -> Path:
         (["--compression", "lzw"], "invalid choice"),
         (["--jobs", "0"], "jobs must be from 1 to 4096"),
         (["--nonsense"], "unrecognized"),
+        (["--peak_nits", "600"], "Did you mean --peak-nits? See `itmo-video convert --help`"),
         (["--peak-nits", "100"], "below white-nits"),
         (["--operator-param", "x"], "NAME=VALUE"),
         (["--radius", "nan"], "radius must be"),
@@ -204,3 +206,25 @@ def test_damage_is_reported_again_when_the_command_is_run_again(
     assert "0 frames rendered, 12 already present" in said[1]
     assert re.search(r"frames (\S+) are damaged", said[0])[1] == damaged[1]
     assert main(["convert", str(clip), str(tmp_path / "out"), "--verify"]) == 0
+
+
+def test_verify_names_runs_of_frames_in_a_line(
+    clip: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "out"
+    assert main(["convert", str(clip), str(out), "--quiet", "--frames", "1-3"]) == 0
+    (out / "scene.0001.exr").write_bytes(b"")
+    capsys.readouterr()
+    assert main(["convert", str(clip), str(out), "--verify"]) == 7
+    told = capsys.readouterr().err
+    assert "scene.0001.exr: damaged" in told
+    assert "scene.0004.exr to scene.0006.exr (3 frames): missing" in told
+    assert "without --verify" in told
+
+
+@pytest.mark.parametrize(("command", "words"), [("convert", "resume"), ("preview", "not finished")])
+def test_an_interrupted_command_says_what_stands(
+    capsys: pytest.CaptureFixture[str], command: str, words: str
+) -> None:
+    assert interrupted(130, [command]) == 130
+    assert words in capsys.readouterr().err

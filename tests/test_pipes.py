@@ -22,6 +22,8 @@ from itmo_video import convert, make_settings, read_exr
 from itmo_video.delivery.preview import preview
 from itmo_video.delivery.preview_options import PreviewOptions
 from itmo_video.delivery.y4m import Y4mSpec
+from itmo_video.source.pipe import PipeClip
+from itmo_video.source.tags import InputOptions
 
 COUNT = 26
 
@@ -172,7 +174,31 @@ def test_frames_that_never_come_are_told(films: dict[str, Path], tmp_path: Path)
     assert (tmp_path / f"stdin.{COUNT:04d}.exr").exists()
 
 
-def test_a_stream_that_breaks_off_is_told(films: dict[str, Path], tmp_path: Path) -> None:
+@pytest.mark.parametrize("whole", [1, 2, 5, COUNT - 4])
+@pytest.mark.parametrize("more", [1, 6, 500, 1000, 1006])
+def test_a_stream_that_breaks_off_is_told(films: dict[str, Path], whole: int, more: int) -> None:
+    """Also where what is left of the last frame would divide evenly among those before it."""
+    data = films["8.y4m"].read_bytes()
+    frame = 96 * 64 * 3 // 2 + len(b"FRAME\n")
+    begin = len(data) - COUNT * frame
+    read, write = os.pipe()
+    feeder = threading.Thread(target=feed, args=(write, data[: begin + whole * frame + more]))
+    feeder.start()
+    with PipeClip(f"/dev/fd/{read}", InputOptions()) as clip:
+        assert [f.index for f in clip.frames()] == list(range(whole))
+        assert clip.broken == "the stream breaks off within a frame"
+    feeder.join()
+    os.close(read)
+
+
+def feed(end: int, data: bytes) -> None:
+    with os.fdopen(end, "wb") as stream:
+        stream.write(data)
+
+
+def test_a_conversion_of_a_stream_that_breaks_off_fails(
+    films: dict[str, Path], tmp_path: Path
+) -> None:
     data = films["8.y4m"].read_bytes()
     frame = 96 * 64 * 3 // 2 + 6
     cut = data[: len(data) - 3 * frame - 1000]

@@ -22,6 +22,7 @@ from itmo_video.colour.transfer import eotf
 from itmo_video.errors import AlreadyHdrError, DamagedInputError, InputError
 from itmo_video.model import Encoding
 from itmo_video.source import planes, tags
+from itmo_video.source.code_range import outside_range
 from itmo_video.source.digest import content_digest
 from itmo_video.source.opening import open_clip
 from itmo_video.source.tags import InputOptions
@@ -819,3 +820,13 @@ def test_iterators_run_side_by_side(tmp_path):
         assert same(next(second), whole[5 + n])
     first.close()
     second.close()
+
+
+@pytest.mark.parametrize(("bars", "inside", "told"), [(0, 3, True), (16, 90, False), (16, 3, True)])
+def test_bars_of_code_0_do_not_ask_for_full_range(bars: int, inside: int, told: bool) -> None:
+    luma = np.full((96, 160), 90, np.uint8)
+    luma[:8], luma[8:12, 16:-16] = 90, inside
+    luma[:, :bars] = luma[:, 160 - bars :] = 0
+    picture = planes.Picture("ycbcr", 8, False, (luma, *[np.full((48, 80), 128, np.uint8)] * 2))
+    encoding = Encoding("ycbcr", 8, "bt709", "limited", "bt1886", "rec709")
+    assert bool(outside_range(picture, encoding)) == told

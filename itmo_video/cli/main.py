@@ -9,6 +9,7 @@ import signal
 import sys
 from collections.abc import Sequence
 from contextlib import ExitStack
+from difflib import get_close_matches
 from types import FrameType
 from typing import Any, NoReturn
 
@@ -29,6 +30,21 @@ from itmo_video.errors import ItmoError, UsageError
 
 
 class _Parser(argparse.ArgumentParser):
+    def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
+        found, unknown = super().parse_known_args(args, namespace)
+        if unknown:  # raised here, as the command itself knows what may have been meant
+            flags = (word.partition("=")[0].replace("_", "-") for word in unknown)
+            meant = next((m for f in flags for m in self._close_options(f)), None)
+            see = f"See `{self.prog} --help`."
+            raise UsageError(
+                f"unrecognized arguments: {' '.join(unknown)}",
+                remedy=f"Did you mean {meant}? {see}" if meant else see,
+            )
+        return found, unknown
+
+    def _close_options(self, flag: str) -> list[str]:
+        return get_close_matches(flag, self._option_string_actions, n=1, cutoff=0.75)
+
     def error(self, message: str) -> NoReturn:
         raise UsageError(message, remedy=f"See `{self.prog} --help`.")
 
@@ -60,9 +76,9 @@ def _run(said: Sequence[str], log: list[LogFile], closing: ExitStack) -> int:
     except ItmoError as error:
         return reported(error, *log)
     except KeyboardInterrupt:
-        return interrupted(130)
+        return interrupted(130, said)
     except Terminated:
-        return interrupted(143)
+        return interrupted(143, said)
     except MemoryError:
         return out_of_memory()
     except OSError as error:

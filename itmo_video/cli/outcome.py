@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import sys
 import traceback
+from collections.abc import Sequence
 
 from itmo_video.cli.log_file import LogFile
 from itmo_video.cli.terminal import named
@@ -30,12 +31,14 @@ def debug() -> None:
         traceback.print_exc()
 
 
-def interrupted(code: int) -> int:
-    """Say that the run was interrupted; returns `code`."""
-    print(
-        "itmo-video: interrupted; finished frames are intact, run the same command to resume",
-        file=sys.stderr,
+def interrupted(code: int, said: Sequence[str]) -> int:
+    """Say that the run was interrupted, and what of its output stands; returns `code`."""
+    stands = (
+        "finished frames are intact, run the same command to resume"
+        if said[:1] == ["convert"]
+        else "a file that was not finished has not been written"
     )
+    print(f"itmo-video: interrupted; {stands}", file=sys.stderr)
     return code
 
 

@@ -36,7 +36,7 @@ Forms = Callable[[int], FrameForm | None]  # of frames by number
 
 _PROBLEMS: dict[FrameState, str] = {
     "missing": "missing",
-    "damaged": "damaged; run the same command again to re-render it",
+    "damaged": "damaged",
     "other": "rendered with other settings or from another source; --update re-renders it",
 }
 

@@ -23,7 +23,8 @@ def check_file(path: Path) -> None:
         raise InputError(
             "is a folder, not a clip",
             where=str(path),
-            remedy="For an image sequence give its pattern, such as folder/img.%04d.png.",
+            remedy=f"Give its films, as {path}/*.mp4, or an image sequence by its pattern, as"
+            f" {path}/img.%04d.png.",
         )
     if any(mark in path.name for mark in "*?[") and not os.path.lexists(path):
         raise InputError(

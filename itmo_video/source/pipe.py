@@ -148,26 +148,25 @@ class PipeClip(VideoClip):
 
     def _packets(self, stamps: _Stamps) -> Iterator[Any]:
         codec = str(self._stream.codec_context.name)
-        count = size = 0
+        end = 0
         try:
             for packet in self._container.demux(self._stream):
                 if not packet.size:
-                    self._check_end(count, size)
+                    self._check_end(end)
                 elif not is_hidden(packet, codec):
                     stamps.see(packet)
-                count, size = count + 1, size + packet.size
+                end = (packet.pos or 0) + packet.size
                 yield packet
         except (av.FFmpegError, OSError, IndexError) as error:
             self.broken = f"the stream breaks off ({getattr(error, 'strerror', None) or error})"
 
-    def _check_end(self, count: int, size: int) -> None:
-        """Check whether an uncompressed frame is truncated at the end, which FFmpeg ignores."""
-        rest, name = self._input.bytes_read - size, self._container.format.name
-        if name == "yuv4mpegpipe":
-            rest -= self._input.first_line_bytes + count * len(b"FRAME\n")
-            if count and rest % count == 0:  # each frame has its own parameters
-                rest = 0
-        if rest > 0 and name in ("yuv4mpegpipe", "rawvideo"):
+    def _check_end(self, end: int) -> None:
+        """Check that nothing follows the last whole frame of an uncompressed stream.
+
+        FFmpeg ignores a truncated frame there.
+        """
+        is_plain = self._container.format.name in ("yuv4mpegpipe", "rawvideo")
+        if is_plain and self._input.bytes_read > end:
             self.broken = "the stream breaks off within a frame"
 
 
@@ -258,7 +257,7 @@ class _Input:
     """Standard input or a FIFO, read as bytes arrive; `close` ends a waiting read."""
 
     def __init__(self, name: str) -> None:
-        self.bytes_read = self.first_line_bytes = 0
+        self.bytes_read = 0
         if name == STANDARD_INPUT:
             if sys.stdin is None or sys.stdin.isatty():
                 raise UsageError(
@@ -279,8 +278,6 @@ class _Input:
         if self._woken in ready:
             return b""
         data = os.read(self._fd, size if size > 0 else _BUFFER_BYTES)
-        if self.bytes_read == 0:
-            self.first_line_bytes = data.find(b"\n") + 1
         self.bytes_read += len(data)
         return data
 
