@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from itertools import groupby
 from pathlib import Path
 
 from itmo_video.conversion.convert import ToMake, _other_settings, _shortage, frames_to_make
@@ -59,23 +58,20 @@ def verify(
 
 
 def require_sound(faults: list[tuple[Path, str]]) -> None:
-    """Raise CheckFailedError that names each fault, if any; consecutive frames share a line."""
-    if not faults:
-        return
-    lines = []
-    runs = groupby(enumerate(faults), key=lambda item: (_number(item[1][0]) - item[0], item[1][1]))
-    for (_, problem), run in runs:
-        (_, (first, _)), *others = run
-        last = (
-            f" to {others[-1][1][0].name} ({counted(1 + len(others), 'frame')})" if others else ""
+    """Raise CheckFailedError that names the faults, if there is any: frames of a kind together."""
+    alike: dict[tuple[str, str], list[Path]] = {}
+    for path, problem in faults:
+        alike.setdefault((path.suffix, problem), []).append(path)
+    if faults:
+        raise CheckFailedError(
+            "\n".join(f"{_named(paths)}: {problem}" for (_, problem), paths in alike.items()),
+            remedy="The command without --verify renders what is missing or damaged.",
         )
-        lines.append(f"{first}{last}: {problem}")
-    raise CheckFailedError(
-        "\n".join(lines), remedy="The command without --verify renders what is missing or damaged."
-    )
 
 
-def _number(path: Path) -> int:
-    """The frame number in a file's name, -1 for the manifest."""
-    digits = path.stem.rpartition(".")[2]
-    return int(digits) if digits.isdecimal() else -1
+def _named(paths: list[Path]) -> str:
+    """One file by its path, several frames by their numbers."""
+    if len(paths) == 1:
+        return str(paths[0])
+    numbers = format_ranges(int(path.name.split(".")[-2]) for path in paths)
+    return f"{paths[0].parent}: frames {numbers}"
