@@ -39,6 +39,7 @@ from itmo_video.output.exr_scanlines import scanline_file
 from itmo_video.presets import make_settings
 from itmo_video.rendering.frame import expand
 from itmo_video.rendering.guidance import Guidance
+from itmo_video.rendering.strip import expand_strip
 from itmo_video.source.opening import open_clip
 
 SIZES = {"1080p": (1920, 1080), "2160p": (3840, 2160)}
@@ -89,6 +90,11 @@ def render_steps(meter: Meter, frame: Frame, look: Look, small: Any, guide: Any)
     with meter.step("map and guard: filters at analysis size", 2 * guide.nbytes + small.nbytes):
         guidance = Guidance(frame, guide, look.settings, small, edge_aware, operator.guard)
     out = np.empty((3, height, width), np.float16)
+    if isinstance(operator, WritesHalves):
+        codes = sum(p.nbytes for p in frame.planes)
+        with meter.step("codes to half floats in one pass, as it is done", codes + out.nbytes):
+            for rows in strips(height):
+                expand_strip(frame, rows, guidance, operator, context, 1, out[:, rows])
     for rows in strips(height):
         rgb = strip_buffers(rows, width)
         plane, luma = rgb[0].nbytes, frame.planes[0][rows].nbytes
@@ -119,8 +125,8 @@ def frame_steps(meter: Meter, frames: list[Frame], look: Look) -> None:
     with meter.step("a key's map (a fifth of it a frame)", codes):
         keys = make_key_map(left.frame, look)
     small = keys.nbytes
-    with meter.step("flow to both keys, warp, blend", 3 * small + 2 * 8 * frame.grey.nbytes):
-        carried = flow.track_map(frame.grey, (left.grey, keys), (right.grey, keys), 0.4)
+    with meter.step("flow to both keys, warp, blend", 3 * small + 2 * 8 * frame.motion.nbytes):
+        carried = flow.track_map(frame.motion, (left.motion, keys), (right.motion, keys), 0.4)
     out = render_steps(meter, frame.frame, look, carried, frame.guide)
     planes = dict(zip("RGB", out, strict=True))
     for compression in ("none", "zip"):

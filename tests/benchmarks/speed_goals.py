@@ -104,6 +104,7 @@ def measure(work: Path, rounds: int) -> tuple[Costs, list[float], list[float]]:
         "zip": ours(hd, out, "--compression", "zip"),
         "ffmpeg zip1": ffmpeg(few, out, "zip1"),
         "zips": ours(hd, out, "--compression", "zips"),
+        "dask": ours(hd, out, null, "--scheduler", "local", "--jobs", "2"),
         "dwaa": ours(few, out, "--compression", "dwaa"),
         "htj2k": ours(few, out, "--compression", "htj2k"),
         "one frame": ours(hd, out, null, "--frames", "1"),
@@ -156,6 +157,8 @@ def rows_of(
     ):
         found = by_round(ours_, other, FRAMES, frames)
         yield f"{ours_} against {other}", f"{found:.2f}x", f"{goal:.1f}x", found >= goal
+    share = by_round("dask", "null", FRAMES, FRAMES)
+    yield "two Dask workers against two threads", f"{share:.2f}x", "0.95x", share >= 0.95
     for compression in ("dwaa", "htj2k"):
         took = f"{FEW / wall(compression):.1f} fps, {1e3 * cpu(compression) / FEW:.0f} ms CPU"
         yield f"{compression} (by OpenEXR's own writer)", took, "", None
