@@ -1,6 +1,6 @@
-"""Turns SDR video into HDR: the Expand Map of Banterle et al. 2006, tracked along motion.
+"""Converts SDR video to HDR: the Expand Map of Banterle et al. 2006, tracked along motion.
 
-Whole clips: `convert`, `preview`, `evaluate`, `report`, `analyse`, as the commands of these names.
+Clips: `convert`, `preview`, `evaluate`, `report`, `analyse`, like the commands of these names.
 Arrays, without files: `expand`, `expand_frames`; a converted folder as arrays: `open_result`.
 """
 
@@ -54,9 +54,9 @@ if TYPE_CHECKING:
 
     __version__: str
 
-# Where each name lives: rooms are imported when a name of theirs is first used, so that `import
-# itmo_video` and `itmo-video --help` answer at once. A test holds it against the imports above,
-# which are for type checkers and editors.
+# The module of each name: modules are imported when a name is first used, so that `import
+# itmo_video` and `itmo-video --help` are fast. A test compares this with the imports above, which
+# are for type checkers and editors.
 _ROOMS = {
     "analysis.analyse": ("analyse",),
     "analysis.model": ("Analysis",),

@@ -1,4 +1,4 @@
-"""EXR's compressions, once: what each is called, how its chunks lie, how much it leaves."""
+"""EXR's compressions: their names, chunk sizes and typical ratios."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from dataclasses import dataclass
 class Compression:
     """One compression, by its number in a file's `compression` attribute.
 
-    `openexr` names OpenEXR's constant for it; `chunk_lines` are the lines of a chunk, 0 where we do
-    not know. `share_left` is a file's bytes by those of its half floats, measured on camera-like
-    clips with grain (the more demanding of the sample clips, rounded up); a clean cartoon takes far
-    less. Without a share it is only read. `is_laid_out_here`: our own writer makes its chunks.
+    `openexr` is OpenEXR's constant for it; `chunk_lines` are the lines per chunk, 0 if unknown.
+    `share_left` is the compressed share of the half floats' bytes, measured on camera-like clips
+    with grain (the more demanding sample clips, rounded up); clean animation takes far less.
+    Without it the compression is read only. `is_laid_out_here`: our own writer encodes its chunks.
     """
 
     number: int
@@ -39,7 +39,7 @@ COMPRESSIONS: dict[str, Compression] = {
     "zstd": Compression(13, "ZSTD_COMPRESSION", 1, 0.8),
 }
 WRITTEN = tuple(name for name, found in COMPRESSIONS.items() if found.share_left is not None)
-"""The names of those that files can be written with."""
+"""The names of the compressions that can be written."""
 
 CHUNK_LINES = {found.number: found.chunk_lines for found in COMPRESSIONS.values()}
-"""Lines of a chunk by a compression's number."""
+"""The lines per chunk by a compression's number."""

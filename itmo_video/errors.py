@@ -1,8 +1,8 @@
-"""Typed errors: each owns its exit code and says what, where and the remedy (cli.md's contract)."""
+"""Typed errors: each has its exit code, and says what happened, where, and what to do."""
 
 
 class ItmoError(Exception):
-    """Base of every expected failure; `str()` is the one or two lines shown to the user.
+    """The base of all expected errors; `str()` is the one or two lines shown to the user.
 
     >>> from itmo_video import ItmoError, convert
     >>> try:
@@ -19,7 +19,7 @@ class ItmoError(Exception):
         super().__init__(what, where, remedy)
 
     def __reduce__(self) -> tuple[object, ...]:
-        # Worker processes send them; what is made anew from `args` would lack the names.
+        # For worker processes: rebuilding an error from `args` would lose the names.
         return _remake, (type(self), self.what, self.where, self.remedy)
 
     def __str__(self) -> str:
@@ -32,25 +32,25 @@ def _remake(kind: type[ItmoError], what: str, where: str | None, remedy: str | N
 
 
 class UsageError(ItmoError):
-    """Wrong option values or settings."""
+    """Invalid options or settings."""
 
     exit_code = 2
 
 
 class InputError(ItmoError):
-    """The input cannot be read, or is not video."""
+    """The input cannot be read, or is not a video."""
 
     exit_code = 3
 
 
 class DamagedInputError(ItmoError):
-    """The input is short, damaged or changes its size; what could be converted was."""
+    """The input is truncated, damaged or changes its size; everything else was converted."""
 
     exit_code = 4
 
 
 class ReplacedInputError(DamagedInputError):
-    """The input was changed or taken away while it was read: its end is not the end that it had."""
+    """The input was modified or removed while it was being read."""
 
 
 class OutputError(ItmoError):
@@ -66,12 +66,12 @@ class AlreadyHdrError(ItmoError):
 
 
 class ClusterError(ItmoError):
-    """A cluster's scheduler or workers cannot be reached, died or do not fit."""
+    """A cluster's scheduler or workers cannot be reached, died or do not match."""
 
     exit_code = 1
 
 
 class CheckFailedError(ItmoError):
-    """A check that was asked for (--verify, --fail-above) failed."""
+    """A requested check (--verify, --fail-above) failed."""
 
     exit_code = 7

@@ -1,4 +1,4 @@
-"""What a command reports while it runs: four events, and each as a line of `--json`."""
+"""The four events that a command reports while it runs; each is a line of `--json`."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any, ClassVar, TypeAlias
 
 @dataclass(frozen=True)
 class Started:
-    """Work begins on `frames` frames, of which `present` were made before."""
+    """Work starts on `frames` frames, of which `present` already exist."""
 
     name: ClassVar = "started"
 
@@ -21,7 +21,7 @@ class Started:
 
 @dataclass(frozen=True)
 class FrameDone:
-    """The frame of this number, as in the file names, is finished: the `done`th `of` so many."""
+    """The frame `number` (as in file names) is finished, number `done` `of` all."""
 
     name: ClassVar = "frame"
 
@@ -32,7 +32,7 @@ class FrameDone:
 
 @dataclass(frozen=True)
 class Warned:
-    """Something that the user should know: an assumption, a shortage, damage."""
+    """Something the user should know: an assumption, low disk space, damage."""
 
     name: ClassVar = "warning"
 
@@ -41,10 +41,10 @@ class Warned:
 
 @dataclass(frozen=True, kw_only=True)
 class Finished:
-    """The work is done; what a command knows nothing of is None.
+    """The work is done; values that do not apply to a command are None.
 
-    `missing` and `damaged` are numbers of frames; light levels are those of a film, in nits;
-    `peak_nits` is the brightest channel of the EXR frames that were written.
+    `missing` and `damaged` are frame numbers; light levels are those of a film, in nits;
+    `peak_nits` is the brightest channel of the EXR frames written.
     """
 
     name: ClassVar = "finished"
@@ -70,6 +70,6 @@ def ignore(event: Event) -> None:
 
 
 def as_json(event: Event) -> dict[str, Any]:
-    """An event as `--json` has it: "event" and its values."""
+    """An event as in `--json`: "event" and its values."""
     told = {name: value for name, value in asdict(event).items() if value is not None}
     return {"event": event.name, **told}

@@ -1,4 +1,4 @@
-"""Settings compiled for rendering, and what an operator may know of a frame."""
+"""Settings compiled for rendering, and the context of an operator."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from itmo_video.operators import (
 from itmo_video.options import flag_name
 from itmo_video.settings import Settings
 
-_OF_MAP = ("lights", "min_lights", "soft_lights")  # and the radius, which guards look at, too
+_OF_MAP = ("lights", "min_lights", "soft_lights")  # and the radius, which guards use, too
 
 
 @dataclass(frozen=True)
@@ -31,14 +31,14 @@ class Look:
 
     @property
     def needs_map(self) -> bool:
-        """Whether the Expand Map weighs the result."""
+        """Whether the Expand Map weights the result."""
         return self.settings.expand_map and self.operator.uses_map
 
     def settings_in_use(self) -> dict[str, Any]:
-        """The settings that this look's frames depend on, plain values by name.
+        """The settings that this look's frames depend on, as plain values by name.
 
-        What is derived is resolved and the operator's parameters are all there; what the operator
-        or another setting leaves without effect is not.
+        Derived values are resolved and all parameters of the operator are included; settings that
+        have no effect with the operator or other settings are not.
         """
         values = self.settings.as_dict() | {"operator_params": dict(self.params)}
         unset = {name for name, value in values.items() if value in (None, [], {})}
@@ -46,7 +46,7 @@ class Look:
 
     @property
     def notices(self) -> tuple[str, ...]:
-        """A word about settings that were asked for (make_settings) and have no effect."""
+        """A notice about settings that were given (make_settings) but have no effect."""
         _, overrides = self.settings.asked or ({}, {})
         idle = [flag_name(name) for name in overrides if name in self._idle]
         if not idle:
@@ -57,7 +57,7 @@ class Look:
 
     @property
     def _idle(self) -> set[str]:
-        """The settings that the operator or another setting leaves without effect."""
+        """The settings that have no effect with the operator or another setting."""
         settings, operator, idle = self.settings, self.operator, set[str]()
         if not self.needs_map:
             idle |= {*_OF_MAP, "edge_aware", "key_interval", "temporal", "smooth_keys"}
@@ -86,7 +86,7 @@ def make_look(settings: Settings) -> Look:
 
 
 def context_of(luminance: Float32 | None, look: Look) -> Context:
-    """What the look's operator may know of a frame; its luminance only where it is asked for."""
+    """The context of a frame for the look's operator; luminance only if it is needed."""
     settings, stats, mean = look.settings, None, None
     if luminance is not None:
         stats = frame_stats(luminance) if look.operator.needs_stats else None

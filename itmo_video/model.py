@@ -1,4 +1,4 @@
-"""The values that flow between the rooms: what a clip is, and one decoded frame of it."""
+"""The values passed between stages: a clip's metadata, and one decoded frame."""
 
 from __future__ import annotations
 
@@ -28,9 +28,9 @@ Origin = Literal["tag", "assumed", "set"]
 
 @dataclass(frozen=True)
 class Encoding:
-    """How a frame's integer codes stand for colour.
+    """How a frame's integer codes represent colour.
 
-    `origins` says for "matrix", "range", "transfer" and "primaries" whether the value comes from
+    `origins` states for "matrix", "range", "transfer" and "primaries" whether the value comes from
     the file's tags, is assumed, or was set by the user.
 
     >>> from itmo_video import open_clip
@@ -52,7 +52,7 @@ class Encoding:
 
     @property
     def black_and_span(self) -> tuple[float, float]:
-        """Code of black, and how many codes white is above it; of luma, grey or RGB."""
+        """The code of black, and the number of codes from there to white, of luma, grey or RGB."""
         if self.range == "limited" and self.family != "rgb":
             step = 2.0 ** (self.bit_depth - 8)
             return 16 * step, 219 * step
@@ -61,11 +61,11 @@ class Encoding:
 
 @dataclass(frozen=True)
 class ClipInfo:
-    """A clip's metadata and what will be assumed.
+    """A clip's metadata, and the assumptions made about it.
 
     Sizes are in pixels as stored, before `rotation_deg` (clockwise, to be applied for display) and
     `flip` (mirrored left-right, applied before the rotation); `frames` counts what is presented.
-    `frames_declared` is how many the container speaks of: more than `frames` where it is cut short
+    `frames_declared` is the container's frame count: more than `frames` where it is truncated
     or has lost some.
 
     >>> from itmo_video import open_clip
@@ -109,9 +109,9 @@ class Frame:
 
     `planes` holds, by `encoding.family`: (Y, Cb, Cr), (R, G, B) or (Y,), then A when it has alpha;
     uint8 for 8 bits, else uint16 with the code in the low bits; 4:2:0 and 4:2:2 chroma planes are
-    smaller. They are for reading only, and their lines may lie apart. `index` counts the source's
-    frames in presentation order from 0; `time_s` is its presentation time in seconds, as the file
-    has it.
+    smaller. They are read-only, and their lines may have gaps. `index` counts the source's frames
+    in presentation order from 0; `time_s` is its presentation time in seconds, as stored in the
+    file.
 
     >>> from itmo_video import open_clip
     >>> with open_clip("photo.png") as clip:

@@ -1,6 +1,6 @@
-"""One definition an option: it serves flag, help, bounds, TOML and Python API alike.
+"""One definition per option, used for flag, help, bounds, TOML and the Python API.
 
-A frozen dataclass of fields made by `option` is validated by `check_options` when it is made:
+A frozen dataclass with fields made by `option` is validated by `check_options` on creation:
 Settings is one, and so are the options of each command (RunOptions, PreviewOptions, ...).
 """
 
@@ -24,8 +24,8 @@ T = TypeVar("T")
 class Spec:
     """What an option accepts, and its help.
 
-    `words` are accepted beside its `kind`; `flag` is its name on the command line where that is not
-    the field's, `read` makes its value of the flag's text where that is more than its kind.
+    `words` are accepted in addition to `kind`; `flag` is its name on the command line if it differs
+    from the field's, `read` parses the flag's text if that needs more than `kind`.
     """
 
     help: str
@@ -40,7 +40,7 @@ class Spec:
     read: Callable[[str], Any] | None = None
 
     def check(self, name: str, value: object) -> object:
-        """The value, converted to its kind; raises UsageError where it is out of bounds."""
+        """The value, converted to its kind; raises UsageError if it is out of bounds."""
         value = _plain(value)
         if isinstance(value, str) and value in self.words:
             return value
@@ -71,7 +71,7 @@ class Spec:
 
     @property
     def bounds_in_words(self) -> str:
-        """The bounds as they follow "must be", such as "from 1 to 60"; empty without any."""
+        """The bounds as a phrase after "must be", such as "from 1 to 60"; empty without any."""
         if self.lower is None:
             return ""
         if self.upper is None:
@@ -85,7 +85,7 @@ class Spec:
 
 
 def _plain(value: Any) -> Any:
-    """A number of NumPy's, which most code that computes has, as Python's own."""
+    """A NumPy number, common in numeric code, as a Python number."""
     return value.item() if isinstance(value, _Scalar) and value.shape == () else value
 
 
@@ -97,32 +97,32 @@ class _Scalar(Protocol):
 
 
 def checked(value: Any, kind: type[T], name: str) -> T:
-    """`value` if it is of `kind`, a new one of it for None; raises UsageError for all else."""
+    """`value` if it is of `kind`, a new one for None; otherwise raises UsageError."""
     if value is None:
         return kind()
     if isinstance(value, kind):
         return value
     raise UsageError(
         f"{name} must be {kind.__name__}, not {type(value).__name__}",
-        remedy=f"Make one: {kind.__name__}(...), its options by name.",
+        remedy=f"Create one: {kind.__name__}(...), with options by name.",
     )
 
 
 def checked_path(value: Any, name: str) -> str:
-    """A path as text; raises UsageError for what is none."""
+    """A path as text; raises UsageError for anything else."""
     if isinstance(value, str | os.PathLike) and isinstance(path := os.fspath(value), str):
         return path
     raise UsageError(f"{name} must be a path, not {type(value).__name__}")
 
 
 _KIND_NAMES: dict[type, str] = {
-    float: "a number", int: "a whole number", bool: "true or false", str: "a word",
+    float: "a number", int: "a whole number", bool: "true or false", str: "text",
     tuple: "a list", dict: "a table", Path: "a path",
 }  # fmt: skip
 
 
 def option(default: Any, kind: type, help: str, **spec: Any) -> Any:
-    """A dataclass field that carries its Spec; `default` None means that it is derived."""
+    """A dataclass field with its Spec; a `default` of None means that it is derived."""
     meta = {"spec": Spec(help=help, kind=kind, **spec)}
     if isinstance(default, dict):
         return field(default_factory=lambda: dict(default), metadata=meta)
@@ -156,7 +156,7 @@ def spec_of(f: dataclasses.Field[Any]) -> Spec:
 
 
 def flag_name(name: str) -> str:
-    """A field's name as it is written in TOML and on the command line."""
+    """A field's name as written in TOML and on the command line."""
     return name.replace("_", "-")
 
 

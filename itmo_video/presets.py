@@ -1,4 +1,4 @@
-"""Presets: named settings in TOML, and how overrides combine with them."""
+"""Presets: named settings in TOML, and combining them with overrides."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ _OF_OPERATOR = ("strength", "l_white", "alpha", "operator_params")
 
 
 def make_settings(preset: str = "default", **overrides: Any) -> Settings:
-    """Settings of a preset (name or TOML file) with overrides; the API's and the CLI's way in.
+    """Settings from a preset (name or TOML file) with overrides, for the API and the CLI.
 
-    Of l_max and peak_nits the one that is overridden replaces the other of the preset. Where the
-    operator is overridden, the preset's strength, l_white, alpha and operator_params, which belong
-    to its own operator, do not hold. Raises UsageError for both maxima, for unknown names and for
+    An override of l_max or peak_nits replaces the other one in the preset. If the operator is
+    overridden, the preset's strength, l_white, alpha and operator_params, which belong to its own
+    operator, are ignored. Raises UsageError if both maxima are given, for unknown names and for
     values out of bounds.
 
     >>> from itmo_video import make_settings
@@ -32,22 +32,22 @@ def make_settings(preset: str = "default", **overrides: Any) -> Settings:
 
 
 def made_of(base: Mapping[str, Any], overrides: Mapping[str, Any]) -> Settings:
-    """`make_settings` where the preset was read before: `base` is what `load_preset` gave."""
+    """`make_settings` for a preset that was already read: `base` is from `load_preset`."""
     settings = settings_from(overriding(base, overrides))
     object.__setattr__(settings, "asked", (base, overrides))
     return settings
 
 
 def overriding(values: Mapping[str, Any], later: Mapping[str, Any]) -> dict[str, Any]:
-    """`values` with those that are said `later`, which win; raises UsageError for both maxima.
+    """`values` updated with `later`; raises UsageError if that has both maxima.
 
-    Of l_max and peak_nits the later replaces the other; another operator leaves what was said for
-    the former one out.
+    A later l_max or peak_nits replaces the other one; another operator drops the settings of the
+    former one.
     """
     _require_one_maximum(later)
     held = dict(values)
     if "operator" in held and later.get("operator", held["operator"]) != held["operator"]:
-        # What is set for its own operator would cripple another one.
+        # Settings for its own operator would harm another one.
         held = {name: value for name, value in held.items() if name not in _OF_OPERATOR}
     if "peak_nits" in later:
         held.pop("l_max", None)
@@ -57,9 +57,9 @@ def overriding(values: Mapping[str, Any], later: Mapping[str, Any]) -> dict[str,
 
 
 def as_settings(settings: Settings | str | None) -> Settings:
-    """Settings as they are, or those of a preset by its name; those of `default` for None.
+    """Settings unchanged, or those of a preset by name, `default` for None.
 
-    Raises UsageError for all else.
+    Raises UsageError for anything else.
     """
     if isinstance(settings, Settings):
         return settings
@@ -67,19 +67,21 @@ def as_settings(settings: Settings | str | None) -> Settings:
         return make_settings(settings or "default")
     raise UsageError(
         f"settings must be Settings or a preset's name, not {type(settings).__name__}",
-        remedy="Make them: make_settings('default', peak_nits=600).",
+        remedy="Create them: make_settings('default', peak_nits=600).",
     )
 
 
 def with_own(base: Settings, own: Mapping[str, Any]) -> Settings:
-    """`base` with a shot's own look: what flags of these names, given last, would make of it.
+    """`base` with a shot's own look, as if its settings were given as the last flags.
 
-    `own` may name a preset beside settings of the look. What `base` was made of by make_settings
-    is made anew with it; of other settings those count as asked for that are not Settings' own.
-    Raises UsageError as make_settings, and for settings that hold for a whole clip (OF_CLIP).
+    `own` may name a preset in addition to settings of the look. If `base` came from make_settings,
+    that is repeated with it; of other Settings, those that differ from the defaults count as given.
+    Raises UsageError like make_settings, and for settings of a whole clip (OF_CLIP).
     """
     if whole := [flag_name(name) for name in own if name in OF_CLIP]:
-        raise UsageError(f"{', '.join(whole)} is set for the whole clip, not for a shot")
+        raise UsageError(
+            f"{', '.join(whole)} applies to the whole clip and cannot be set for a shot"
+        )
     _require_one_maximum(own)
     values = {name: value for name, value in own.items() if name != "preset"}
     preset, asked = base.asked or (None, _asked_for(base))
@@ -99,7 +101,7 @@ def _asked_for(settings: Settings) -> dict[str, Any]:
 
 
 def check_own(own: Mapping[str, Any]) -> None:
-    """Raise UsageError for what no clip's shot can have of its own, each value by itself."""
+    """Raise UsageError for settings that no shot can have, checking each value separately."""
     specs = {f.name: f for f in dataclasses.fields(Settings) if f.name in LOOK}
     _require_one_maximum(own)
     for name, value in own.items():
@@ -112,7 +114,7 @@ def check_own(own: Mapping[str, Any]) -> None:
 
 
 def preset_folder() -> Path:
-    """The folder of the presets: in the installed package, or configs/ of a source checkout."""
+    """The folder of the presets: in the installed package, or configs/ in a source checkout."""
     inside = Path(str(resources.files("itmo_video"))) / "configs"
     return inside if inside.is_dir() else Path(__file__).resolve().parent.parent / "configs"
 
@@ -123,7 +125,7 @@ def preset_names() -> Sequence[str]:
 
 
 def read_preset(preset: str) -> dict[str, Any]:
-    """A preset's whole TOML: `description` and `settings`; raises UsageError if there is none."""
+    """A preset's TOML: `description` and `settings`; raises UsageError if it does not exist."""
     path = Path(preset) if preset.endswith(".toml") else preset_folder() / f"{preset}.toml"
     if not preset.endswith(".toml") and preset not in preset_names():
         raise UsageError(
@@ -162,5 +164,5 @@ def load_preset(preset: str) -> dict[str, Any]:
 def _require_one_maximum(values: Mapping[str, Any], where: str | None = None) -> None:
     if "l_max" in values and "peak_nits" in values:
         raise UsageError(
-            "l-max and peak-nits exclude each other", where=where, remedy="Give one of the two."
+            "l-max and peak-nits cannot be combined", where=where, remedy="Give only one of them."
         )

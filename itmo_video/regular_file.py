@@ -1,6 +1,6 @@
-"""Files that others made, opened with care: regular ones only, and no more of them than expected.
+"""Opening untrusted files safely: regular files only, with a size limit.
 
-A pipe would keep us waiting, a device or a sparse file of terabytes would fill the memory.
+A pipe could block forever, and a device or a sparse file of terabytes could fill the memory.
 """
 
 from __future__ import annotations
@@ -16,12 +16,12 @@ TEXT_BYTES = 64 << 20  # of JSON and TOML: an analysis of ten hours takes 20 MB
 
 
 def open_regular(path: StrPath) -> BinaryIO:
-    """Open `path` to be read; raises InputError unless it is a regular file that can be read.
+    """Open `path` for reading; raises InputError unless it is a readable regular file.
 
-    FileNotFoundError and NotADirectoryError are its cause where there is none.
+    FileNotFoundError and NotADirectoryError are its cause if there is no such file.
     """
     try:
-        # A pipe that nobody writes to would keep a blocking open waiting.
+        # A blocking open of a pipe without a writer would never return.
         descriptor = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | _BINARY)
     except (OSError, ValueError) as error:
         raise _unreadable(path, error) from error
@@ -32,18 +32,18 @@ def open_regular(path: StrPath) -> BinaryIO:
 
 
 def read_regular(path: StrPath, most_bytes: int) -> bytes:
-    """The content of `path`; raises InputError as open_regular, and above `most_bytes`."""
+    """The content of `path`; raises InputError like open_regular, and above `most_bytes`."""
     with open_regular(path) as file:
         try:
             size = os.fstat(file.fileno()).st_size
-            # Python takes memory for all that is asked for, so no more is than is there.
+            # Python allocates the requested size, so it must not exceed the file's.
             asked = min(most_bytes, size + (1 << 20)) + 1
             data = file.read(asked) if size <= most_bytes else b""
         except OSError as error:
             raise _unreadable(path, error) from error
     if max(size, len(data)) > most_bytes:
         raise InputError(
-            f"has {size} bytes, more than the {most_bytes} that it may have", where=os.fspath(path)
+            f"has {size} bytes, more than the limit of {most_bytes}", where=os.fspath(path)
         )
     return data
 

@@ -1,4 +1,4 @@
-"""Every setting once: its name, default, bounds and help serve flag, TOML and Python API alike."""
+"""The settings: one definition each, for flag, TOML and the Python API."""
 
 from __future__ import annotations
 
@@ -24,15 +24,15 @@ OF_CLIP = (
     "stream", "raw",
     "primaries", "compression", "layers", "owner", "comments", "timecode",
 )  # fmt: skip
-"""Settings that hold for a whole clip: how it is read, and what its files are; the others are its
-look, which a shot may have of its own."""
+"""Settings of a whole clip: how it is read, and how files are written; all others are the look,
+which can be set per shot."""
 
 
 @dataclass(frozen=True)
 class Settings:
-    """All that a frame's pixels and its file depend on, beside the source; validated when made.
+    """Everything that a frame's pixels and file depend on, except the source; always validated.
 
-    `Settings()` is plain; what a conversion does by default is `make_settings()`.
+    `Settings()` has the bare defaults; a conversion uses `make_settings()` by default.
 
     >>> from itmo_video import Settings
     >>> Settings(key_interval=0)
@@ -41,7 +41,7 @@ class Settings:
     """
 
     asked: ClassVar[tuple[Mapping[str, Any], Mapping[str, Any]] | None] = None
-    """What the preset says and the overrides, where make_settings made it; no part of its value."""
+    """The preset's values and the overrides, if created by make_settings; not part of its value."""
 
     operator: str = setting(
         "banterle2006",
@@ -64,7 +64,7 @@ class Settings:
         lower=0.01, upper=1e6, metavar="X",
     )  # fmt: skip
     alpha: float | None = setting(
-        None, float, "key of eq. 4 in place of eq. 13; uses each frame's geometric mean",
+        None, float, "key of eq. 4 instead of eq. 13; uses each frame's geometric mean",
         lower=1e-4, upper=100, metavar="X",
     )  # fmt: skip
     operator_params: dict[str, float] = setting(
@@ -92,7 +92,7 @@ class Settings:
         lower=0, upper=4, metavar="X",
     )  # fmt: skip
     over_white: str = setting(
-        "clip", str, "code values above white: clip them, or keep them with white's gain",
+        "clip", str, "code values above white: clip them, or keep them with the gain of white",
         choices=("clip", "keep"),
     )  # fmt: skip
     lights: int = setting(
@@ -103,7 +103,7 @@ class Settings:
         lower=1, upper=512, metavar="PX",
     )  # fmt: skip
     min_lights: int = setting(
-        4, int, "fewer lights than this within the radius: no expansion",
+        4, int, "no expansion with fewer lights than this within the radius",
         lower=0, upper=1024, metavar="N",
     )  # fmt: skip
     soft_lights: bool = setting(
@@ -121,7 +121,7 @@ class Settings:
         5, int, "frames between keyframes of the Expand Map", lower=1, upper=60, metavar="N"
     )
     temporal: str = setting(
-        "tracked", str, "the map between keyframes: tracked by optical flow, blended, or per frame",
+        "tracked", str, "map between keyframes: tracked by optical flow, blended, or one per frame",
         choices=("tracked", "blend", "per-frame"),
     )  # fmt: skip
     smooth_keys: int = setting(
@@ -147,7 +147,7 @@ class Settings:
         "auto", str, "the source's code range", choices=("auto", "limited", "full")
     )
     deinterlace: str = setting(
-        "auto", str, "deinterlace what is flagged as interlaced", choices=("auto", "off", "force")
+        "auto", str, "deinterlace frames flagged as interlaced", choices=("auto", "off", "force")
     )
     fps: str | None = setting(
         None, str, "resample to a constant frame rate: 25, 23.976, 24000/1001", metavar="N"
@@ -173,13 +173,13 @@ class Settings:
     )
     timecode: str | None = setting(
         None, str, "timecode of the clip's first frame, HH:MM:SS:FF (;FF for drop frame), or auto: "
-        "the source's, else frame numbers counted at the frame rate (default: the source's)",
+        "the source's, or else counted from frame numbers (default: the source's)",
         metavar="TC",
     )  # fmt: skip
 
     def __post_init__(self) -> None:
         check_options(self)
-        _ = self.frame_rate  # raises where it is no rate
+        _ = self.frame_rate  # raises if it is invalid
         if self.timecode not in (None, "auto") and not _TIMECODE.fullmatch(str(self.timecode)):
             raise UsageError(
                 f"timecode must be HH:MM:SS:FF or auto, not {self.timecode!r}",
@@ -200,7 +200,7 @@ class Settings:
 
     @property
     def frame_rate(self) -> Fraction | None:
-        """The rate that the source is resampled to, frames a second; None to keep its own."""
+        """The frame rate that the source is resampled to; None to keep its own."""
         if self.fps is None:
             return None
         try:
@@ -209,7 +209,7 @@ class Settings:
             rate = Fraction(0)
         if not 0 < rate <= 1000:
             raise UsageError(f"fps must be a rate such as 25 or 24000/1001, not {self.fps!r}")
-        # 23.976 and 29.97 are how people write the NTSC rates.
+        # 23.976 and 29.97 are common spellings of the NTSC rates.
         ntsc = Fraction(round(rate) * 1000, 1001)
         return ntsc if abs(rate - ntsc) < Fraction(1, 200) else rate
 
@@ -225,16 +225,16 @@ class Settings:
 
     @property
     def key_reach(self) -> int:
-        """Frames between keys as rendered: 1 where every frame makes its own map."""
+        """The effective keyframe interval: 1 if every frame has its own map."""
         return 1 if self.temporal == "per-frame" else self.key_interval
 
     @property
     def smooth_reach(self) -> int:
-        """Neighbouring keys to either side that a key's map is averaged with."""
+        """The number of keyframes on either side that a keyframe's map is averaged with."""
         return self.smooth_keys if self.temporal == "tracked" else 0
 
     def as_dict(self) -> dict[str, Any]:
-        """Plain values by name, ready for JSON; what is derived is resolved."""
+        """Plain values by name, ready for JSON, with derived values resolved."""
         plain = dataclasses.asdict(self)
         plain["l_max"], plain["l_white"] = self.l_max_effective, self.l_white_effective
         plain["layers"] = list(self.layers)
@@ -242,7 +242,7 @@ class Settings:
 
 
 LOOK = tuple(f.name for f in dataclasses.fields(Settings) if f.name not in OF_CLIP)
-"""The settings of the look, which a shot may have of its own."""
+"""The settings of the look, which can be set per shot."""
 
 
 def settings_from(values: Mapping[str, Any]) -> Settings:

@@ -1,7 +1,7 @@
-"""JSON, TOML and numbers in files that others made: bounded in size and depth, and no surprises.
+"""Reading JSON, TOML and numbers from untrusted files, with limits of size and depth.
 
-The standard library's readers take more than a program can bear: 1e999999999 as a fraction fills
-the memory, NaN and Infinity are no JSON, deep nesting ends in a RecursionError.
+The standard library's readers accept too much: 1e999999999 as a fraction fills the memory, NaN and
+Infinity are not JSON, and deep nesting ends in a RecursionError.
 """
 
 from __future__ import annotations
@@ -17,14 +17,14 @@ from itmo_video.errors import InputError
 from itmo_video.regular_file import TEXT_BYTES, StrPath, read_regular
 
 _RATIONAL = re.compile(r"\s*([+-]?\d{1,18})(?:\.(\d{1,18})|/(\d{1,18}))?\s*", re.ASCII)
-_TOML_BYTES = 128 << 10  # ours have 1 kB; tomllib takes seconds for a key of a megabyte
+_TOML_BYTES = 128 << 10  # ours have 1 kB; tomllib needs seconds for a key of a megabyte
 _DEEPEST = 64  # of nested lists and tables; ours go 5 deep
 
 
 def parse_rational(text: str) -> Fraction:
-    """An exact number written as 25, 23.976 or 24000/1001; raises ValueError for all else.
+    """An exact number written as 25, 23.976 or 24000/1001; otherwise raises ValueError.
 
-    Exponents are none of it: the fraction of 1e999999999 has a thousand million digits.
+    Exponents are not accepted: the fraction of 1e999999999 has a thousand million digits.
     """
     match = _RATIONAL.fullmatch(text)
     if match is None or (match[3] and not int(match[3])):
@@ -33,9 +33,9 @@ def parse_rational(text: str) -> Fraction:
 
 
 def parse_json(text: str) -> Any:
-    """What JSON text says; raises ValueError for what is not JSON, not finite or nested deeply.
+    """Parse JSON; raises ValueError if it is invalid, not finite or nested too deeply.
 
-    A name that is given twice in a table is an error: one of the two would be lost.
+    A name given twice in a table is an error, as one of the two would be lost.
     """
     _check_depth(text)
     return json.loads(
@@ -44,9 +44,9 @@ def parse_json(text: str) -> Any:
 
 
 def read_json(path: StrPath) -> Any:
-    """The content of a JSON file; raises InputError unless it is one, regular and not too large.
+    """The content of a JSON file; raises InputError unless it is valid, regular and not too large.
 
-    FileNotFoundError and NotADirectoryError are its cause where there is none.
+    FileNotFoundError and NotADirectoryError are its cause if there is no such file.
     """
     try:
         return parse_json(read_text(path))
@@ -55,7 +55,7 @@ def read_json(path: StrPath) -> Any:
 
 
 def read_toml(path: StrPath) -> dict[str, Any]:
-    """The content of a TOML file; raises InputError as read_json."""
+    """The content of a TOML file; raises InputError like read_json."""
     text = read_text(path, _TOML_BYTES)
     try:
         _check_depth(text)
@@ -66,7 +66,7 @@ def read_toml(path: StrPath) -> dict[str, Any]:
 
 
 def read_text(path: StrPath, most_bytes: int = TEXT_BYTES) -> str:
-    """A file of UTF-8 text, with a byte order mark or without; raises InputError for all else."""
+    """A file of UTF-8 text, with or without a byte order mark; otherwise raises InputError."""
     try:
         return read_regular(path, most_bytes).decode("utf-8-sig")
     except UnicodeDecodeError as error:
@@ -74,17 +74,17 @@ def read_text(path: StrPath, most_bytes: int = TEXT_BYTES) -> str:
 
 
 def _check_depth(text: str) -> None:
-    """ValueError for deep nesting; brackets within strings count, too, and none of ours has 64."""
+    """Raise ValueError for deep nesting; brackets in strings count, too, but ours never have 64."""
     depth = deepest = 0
     for mark in re.finditer(r"[\[\]{}]", text):
         depth += 1 if mark[0] in "[{" else -1
         deepest = max(deepest, depth)
     if deepest > _DEEPEST:
-        raise ValueError(f"it is nested {deepest} deep")
+        raise ValueError(f"it is nested {deepest} levels deep")
 
 
 def _check_keys(text: str) -> None:
-    """ValueError for keys of very many parts: each part is a table in the one before."""
+    """Raise ValueError for keys with very many parts, each of which is a nested table."""
     for line in text.splitlines():
         if not line.lstrip().startswith("#") and line.partition("=")[0].count(".") > _DEEPEST:
             raise ValueError(f"a key has more than {_DEEPEST} parts")

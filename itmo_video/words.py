@@ -1,4 +1,4 @@
-"""Counts in messages as people say them."""
+"""Wording of messages: counts, quotations and hints for installation."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ def counted(count: int, noun: str) -> str:
 
 
 def cut(text: str, most: int = 300) -> str:
-    """Text that quotes what others wrote, of `most` characters: its middle is left out."""
+    """Foreign text shortened to `most` characters by leaving out its middle."""
     return text if len(text) <= most else f"{text[: most // 2]} ... {text[-most // 3 :]}"
 
 
 def to_install(extra: str) -> str:
-    """How to install an extra: from where the package itself came, which is no index."""
+    """How to install an extra: from the source, as the package is not on an index."""
     return f"Install itmo_video[{extra}] from its source folder: pip install '.[{extra}]'"
 
 

@@ -119,7 +119,7 @@ BAD_SHOTS = [
     ({"fps": "12"}, "unknown fps"),
     ({"primaries": "rec2020"}, "unknown primaries"),
     ({"enabled": 1}, "true or false"),
-    ({"peak_nits": 600, "l_max": 3}, "exclude"),
+    ({"peak_nits": 600, "l_max": 3}, "cannot be combined"),
     ({"first": 20}, "ends before"),
     ({"last": 18}, "overlaps"),
     ({"last": True}, "whole number"),
@@ -144,7 +144,7 @@ def test_a_wrong_shot_is_named(found: Analysis, change: dict[str, Any], words: s
         ({"itmo_video_analysis": 3}, "format is 3"),
         ({"shots": {}}, "list"),
         ({"shots": [3]}, "not a table"),
-        ({"cuts": [900]}, "no frame"),
+        ({"cuts": [900]}, "not a frame"),
         ({"times_s": ["1/0"]}, "not a time"),
         ({"digest": 7}, "text"),
         ({"frames": -1}, "whole number"),
@@ -302,7 +302,7 @@ def test_an_analysis_at_another_rate_is_refused(
     clip: Path, found: Analysis, tmp_path: Path
 ) -> None:
     slower = replace(SETTINGS, fps="12")
-    with pytest.raises(UsageError, match="counts 30 frames, this conversion 15"):
+    with pytest.raises(UsageError, match="has 30 frames, this conversion has 15"):
         convert(clip, tmp_path / "o", slower, RunOptions(analysis=found))
 
 
@@ -315,7 +315,7 @@ def test_format_1_is_read_where_it_means_the_same(found: Analysis) -> None:
     back = parse_analysis(json.dumps(data), where="a.json")
     assert [shot.own for shot in back.shots] == [{}, {"peak_nits": 500}, {}]
     data["shots"][2]["strength"] = 0.5
-    with pytest.raises(UsageError, match=r"shot 19-30: strength 0\.5 is of format 1"):
+    with pytest.raises(UsageError, match=r"shot 19-30: strength 0\.5 is from format 1"):
         parse_analysis(json.dumps(data), where="a.json")
 
 

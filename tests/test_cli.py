@@ -32,7 +32,7 @@ def clip(tmp_path_factory: pytest.TempPathFactory) -> Path:
         (["--key-interval", "0"], "key-interval must be from 1 to 60"),
         (["--operator", "nope"], "unknown operator"),
         (["--preset", "nope"], "unknown preset"),
-        (["--l-max", "5", "--peak-nits", "900"], "exclude each other"),
+        (["--l-max", "5", "--peak-nits", "900"], "cannot be combined"),
         (["--layers", "nope"], "unknown nope"),
         (["--frames", "5-900"], "not in the clip"),
         (["--frames", "abc"], "not a frame range"),

@@ -141,7 +141,7 @@ def test_two_tracks_are_seen_from_above(info: ClipInfo, tmp_path: Path) -> None:
         ("a.otio", "{}", "not a valid edit list"),
         ("a.otio", "[" * 100000, "."),
         ("a.otio", '{"OTIO_SCHEMA": "Clip.2"}', "not a valid edit list"),
-        ("a.xml", "<x/>", "edit lists are"),
+        ("a.xml", "<x/>", "edit lists must be"),
     ],
 )
 def test_what_is_no_edit_of_the_clip_is_refused(

@@ -108,8 +108,8 @@ def test_a_preset_with_both_maxima_is_refused(
     preset = tmp_path / "mine.toml"
     preset.write_text("[settings]\nl-max = 8.0\npeak-nits = 500.0\n")
     assert main(["convert", "clip.mp4", str(tmp_path / "o"), "--preset", str(preset)]) == 2
-    assert f"{preset}: l-max and peak-nits exclude each other" in capsys.readouterr().err
-    with pytest.raises(UsageError, match="exclude"):
+    assert f"{preset}: l-max and peak-nits cannot be combined" in capsys.readouterr().err
+    with pytest.raises(UsageError, match="cannot be combined"):
         make_settings(str(preset), l_max=3.0)  # the file is at fault, whatever overrides it
 
 

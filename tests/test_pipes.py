@@ -170,7 +170,7 @@ def test_ranges_of_a_pipe_give_the_same_frames(films: dict[str, Path], tmp_path:
 def test_frames_that_never_come_are_told(films: dict[str, Path], tmp_path: Path) -> None:
     done = piped(films["h264.mkv"], "convert", "-", tmp_path, "--frames", f"{COUNT}-{COUNT + 2}")
     assert done.returncode == 4
-    assert f"frames {COUNT + 1}-{COUNT + 2} did not come".encode() in done.stderr
+    assert f"frames {COUNT + 1}-{COUNT + 2} did not arrive".encode() in done.stderr
     assert (tmp_path / f"stdin.{COUNT:04d}.exr").exists()
 
 
@@ -286,7 +286,7 @@ def test_sigterm_ends_a_wait_for_input(films: dict[str, Path]) -> None:
             b"",
             ("preview", "-", "-", "--json"),
             2,
-            "--json and a film to standard output exclude each other",
+            "--json cannot be used with a film to standard output",
         ),
         (b"", ("preview", "-", "-", "--depth", "8"), 2, "10 bits"),
         (b"", ("preview", "-", "-", "--crf", "20"), 2, "not compressed"),

@@ -49,7 +49,7 @@ def test_l_max_and_peak_nits_replace_each_other(tmp_path: Path) -> None:
     preset.write_text("[settings]\npeak-nits = 406.0\n")
     assert make_settings(str(preset)).l_max_effective == 2
     assert make_settings(str(preset), l_max=3.0).l_max_effective == 3
-    with pytest.raises(UsageError, match="exclude"):
+    with pytest.raises(UsageError, match="cannot be combined"):
         make_settings(l_max=3.0, peak_nits=500.0)
 
 

@@ -88,4 +88,4 @@ def test_the_manual_names_every_flag_and_is_clean_roff(tmp_path: Path) -> None:
         timeout=60, check=True,
     )  # fmt: skip
     assert not shown.stderr
-    assert "turn SDR video into HDR" in shown.stdout
+    assert "convert SDR video to HDR" in shown.stdout

@@ -93,10 +93,10 @@ def test_a_folders_preview_has_no_settings_from_a_config(
         ("[run]\noverwrite = true\n", "[run] has no overwrite"),
         ("[preview]\nframe = 3\n", "[preview] has no frame"),
         ("[settings]\npeak-nits = -1\n", "peak-nits must be"),
-        ("[settings]\nl-max = 3\npeak-nits = 600\n", "exclude each other"),
+        ("[settings]\nl-max = 3\npeak-nits = 600\n", "cannot be combined"),
         ("nonsense = 1\n", "unknown entry nonsense"),
         ('preset = "nope"\n', "unknown preset 'nope'"),
-        ("preset = 3\n", "preset must be a word"),
+        ("preset = 3\n", "preset must be text"),
         ("[run\n", "config file"),
     ],
 )
@@ -121,7 +121,7 @@ def test_a_home_of_somebody_elses_does_not_end_the_work(
 
     monkeypatch.setattr("itmo_video.cli.config_file.read_toml", denied)
     assert main(["convert", str(clip), str(tmp_path / "o"), "--dry-run"]) == 0
-    assert "permission denied, so no config file is read" in capsys.readouterr().err
+    assert "permission denied; config file ignored" in capsys.readouterr().err
 
 
 def test_quiet_and_json_say_nothing_of_it_on_standard_output(

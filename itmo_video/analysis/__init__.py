@@ -1,1 +1,1 @@
-"""What is known of a clip before it is converted: cuts, statistics, suggestions, shots to edit."""
+"""Analysing a clip before conversion: cuts, statistics, suggestions, and a shot list to edit."""

@@ -30,14 +30,14 @@ from itmo_video.source.clip import first_number
 from itmo_video.source.opening import Clip, input_options, open_clip
 from itmo_video.source.read_faults import FailingDiskError
 
-_BINS = 1024  # of luminance to the power 1/2.4, so that they are about equally visible
+_BINS = 1024  # of luminance to the power 1/2.4, for roughly uniform perception
 _GAMMA = 2.4
-_CLIPPED = 0.99  # of white: compression lets clipped areas waver
-_BAR = 0.06  # of white: bars waver, too
+_CLIPPED = 0.99  # of white, as compression makes clipped areas vary
+_BAR = 0.06  # of white, as bars vary, too
 
 
 class _Tally:
-    """Running sums over some frames, of a bounded size."""
+    """Running sums over frames, of bounded size."""
 
     def __init__(self) -> None:
         self.histogram = np.zeros(_BINS, np.int64)
@@ -56,7 +56,7 @@ class _Tally:
         self.rendering += other.rendering
 
     def in_words(self, settings: Settings) -> str | None:
-        """How the frames were rendered to SDR, and what is done; None where nothing asks for it."""
+        """How the frames were rendered to SDR, and what is done; None if not needed."""
         if settings.operator != "auto":
             return None
         measures = (self.rendering / max(1, self.frames)).tolist()
@@ -95,7 +95,7 @@ class _Edges:
 
     def bars(self) -> Bars:
         if self.rows is None or self.columns is None or self.rows.max() <= _BAR:
-            return Bars()  # black all over has no picture that bars could surround
+            return Bars()  # all black: there is no picture for bars to surround
         y, x = np.flatnonzero(self.rows > _BAR), np.flatnonzero(self.columns > _BAR)
         return Bars(
             int(x[0]), int(self.columns.size - 1 - x[-1]),
@@ -113,15 +113,15 @@ def analyse(
     edit: str | Path | None = None,
     on_event: OnEvent = ignore,
 ) -> Analysis:
-    """Decode a clip once and say what is in it; raises InputError and AlreadyHdrError as convert.
+    """Decode a clip once and analyse it; raises InputError and AlreadyHdrError like `convert`.
 
-    One that changes meanwhile is a DamagedInputError.
+    Raises DamagedInputError if it changes meanwhile.
 
     The shots are those between cuts, or those of an edit list `edit` (.otio, .edl; extra `otio`).
-    Cuts and keyframes are those that a conversion with `settings` finds by itself. Of `frames`
-    (numbers as in the file names) only these are looked at, and listed as shots. A source that
-    breaks off is analysed until there; `on_event` is told so, and what is assumed (Warned), and of
-    each frame that was looked at (FrameDone); what it raises ends the pass.
+    Cuts and keyframes are those that a conversion with `settings` would find. With `frames`
+    (numbers as in file names) only these are analysed and listed as shots. A truncated source is
+    analysed up to its end; `on_event` is called with Warned for this and for assumptions, and with
+    FrameDone for each frame; an exception from it stops the pass.
 
     >>> from itmo_video import analyse
     >>> found = analyse("clip.mkv")
@@ -146,7 +146,7 @@ def analyse(
         own = [(begin, end, _Tally()) for begin, end in edited or ()]
         begins = [begin for begin, _, _ in own]
         keys: list[int] = []
-        start = max(0, min(wanted) - 2 * CUT_REACH)  # a cut is seen by the frames around it
+        start = max(0, min(wanted) - 2 * CUT_REACH)  # a cut is detected from the frames around it
         looked_at = _looked_at(clip, start, wanted, settings, tallies, times, edges, on_event)
         done = 0
         for placed in place(looked_at, settings.key_reach, start):
@@ -160,7 +160,7 @@ def analyse(
             if placed.starts_shot and index != begun:
                 cuts.append(first + index)
             if placed.starts_shot or index - 1 not in wanted or not shots:
-                tally.change, tally.changes = 0.0, 0  # a cut is no motion
+                tally.change, tally.changes = 0.0, 0  # a cut is not motion
                 shots.append((index, index, _Tally()))
             shots[-1] = (shots[-1][0], index, shots[-1][2])
             shots[-1][2].add(tally)
@@ -171,7 +171,7 @@ def analyse(
             if placed.is_key:
                 keys.append(first + index)
         if not shots:
-            raise InputError("no frame of it can be decoded", where=str(source))
+            raise InputError("no frame can be decoded", where=str(source))
     statistics = whole.statistics()
     return Analysis(
         source_name=Path(info.path).name,
@@ -198,13 +198,13 @@ def analyse(
 
 
 def _indices(info: ClipInfo, first: int, frames: Collection[int] | None) -> Collection[int]:
-    """The indices to be looked at; raises UsageError for numbers that the clip does not have."""
+    """The indices to analyse; raises UsageError for numbers that the clip does not have."""
     if frames is None:
         return range(info.frames)
     outside = [n for n in frames if not first <= n < first + info.frames]
     if outside or not frames:
         raise UsageError(
-            f"frame {outside[0]} is not in the clip" if outside else "no frame is asked for",
+            f"frame {outside[0]} is not in the clip" if outside else "no frames are selected",
             where=info.path,
             remedy=f"It has {first}-{first + info.frames - 1}.",
         )
@@ -241,7 +241,7 @@ def _looked_at(
             before = analysed
             yield analysed
     except (ReplacedInputError, FailingDiskError):
-        raise  # nothing that is said of it would be true of what is there now
+        raise  # the results would not apply to the changed file
     except DamagedInputError as error:
         on_event(Warned(str(error)))
 

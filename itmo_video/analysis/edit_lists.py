@@ -1,7 +1,7 @@
-"""Edit lists in and out: OpenTimelineIO (.otio) and CMX3600 (.edl), by the extra `otio`.
+"""Reading and writing edit lists: OpenTimelineIO (.otio) and CMX3600 (.edl); extra `otio`.
 
-An edit's timeline is laid on the clip's frames: its beginning is the clip's first frame. Indices
-count the clip's frames from 0, ranges are inclusive.
+The start of an edit's timeline is the clip's first frame. Indices count the clip's frames from 0,
+ranges are inclusive.
 """
 
 from __future__ import annotations
@@ -18,28 +18,28 @@ from itmo_video.untrusted import read_json, read_text
 from itmo_video.words import to_install
 
 SUFFIXES = (".otio", ".edl")
-_NEAR = Fraction(1, 100)  # of a frame: times of other rates fall between frames
+_NEAR = Fraction(1, 100)  # of a frame; times at other rates may fall between frames
 
 Range = tuple[int, int]
 
 
 def is_edit_list(path: str | Path) -> bool:
-    """Whether a file's name is that of an edit list."""
+    """Whether a file name is that of an edit list."""
     return Path(path).suffix.lower() in SUFFIXES
 
 
 def read_edit(path: str | Path, info: ClipInfo) -> list[Range]:
-    """The shots of an edit list, first and last index of each, in order; gaps are in none.
+    """The shots of an edit list as first and last index, in order, without gaps between clips.
 
-    Video tracks are seen from above, as an editor shows them. Raises InputError where the file
-    cannot be read, UsageError where its times are no frames of the clip.
+    Upper video tracks cover lower ones, as in an editor. Raises InputError if the file cannot be
+    read, UsageError if its times do not match frames of the clip.
     """
     if not is_edit_list(path):
-        raise UsageError(f"{path}: edit lists are {', '.join(SUFFIXES)}")
+        raise UsageError(f"{path}: edit lists must be {', '.join(SUFFIXES)}")
     otio, text = _otio(), read_text(path)
     is_edl = Path(path).suffix.lower() == ".edl"
     if not is_edl:
-        read_json(path)  # whose depth is bounded, which the library's is not
+        read_json(path)  # limits the depth, which the library does not
     options = {"rate": _nominal(info.frame_rate)} if is_edl else {}
     try:
         read = otio.adapters.read_from_string(
@@ -55,17 +55,17 @@ def read_edit(path: str | Path, info: ClipInfo) -> list[Range]:
         ]
     except UsageError:
         raise
-    except Exception as error:  # the adapters raise what they like
+    except Exception as error:  # the adapters raise anything
         raise InputError(f"not a valid edit list: {error}", where=str(path)) from error
     _check(ranges, info, path)
     return ranges
 
 
 def edit_of(analysis: Analysis, info: ClipInfo, suffix: str) -> str:
-    """An analysis as an edit list: a clip a shot, its keyframes as markers, from 01:00:00:00 on.
+    """An analysis as an edit list: one clip per shot, keyframes as markers, from 01:00:00:00 on.
 
-    Source times go on from the clip's own timecode, or from 0. Raises UsageError for a timecode
-    that the clip's rate does not have.
+    Source times start at the clip's timecode, or at 0. Raises UsageError for a timecode that the
+    clip's frame rate does not have.
     """
     otio = _otio()
     rate = _nominal(info.frame_rate) if suffix == ".edl" else float(info.frame_rate)
@@ -114,7 +114,7 @@ def _otio() -> Any:
 
 
 def _nominal(rate: Fraction) -> float:
-    """The rate that timecode counts by: 24 for 23.976, unless it is one of those that it knows."""
+    """The rate that timecode counts at: 24 for 23.976, unless the library knows the rate."""
     return float(round(rate))
 
 
@@ -124,15 +124,15 @@ def _timecode(otio: Any, code: str | None, rate: float) -> int:
     try:
         return int(otio.opentime.from_timecode(code.replace(".", ":"), round(rate)).value)
     except ValueError as error:
-        raise UsageError(f"its timecode {code} cannot stand in an edit list: {error}") from error
+        raise UsageError(f"timecode {code} is not possible in an edit list: {error}") from error
 
 
 def _frames(span: Any, rate: Fraction, path: str | Path) -> Range:
-    """First and last index of a range of time on the timeline."""
+    """The first and last index of a time range on the timeline."""
     ends = []
     for time in (span.start_time, span.end_time_exclusive()):
         own = Fraction(time.rate).limit_denominator(1001)
-        # Timecode of 24 counts the frames of 23.976, too.
+        # Timecode at 24 counts frames of 23.976, too.
         is_same = abs(own / rate - 1) < Fraction(2, 1000)
         index = Fraction(time.value) * (1 if is_same else rate / own)
         if abs(index - round(index)) > _NEAR:
@@ -146,12 +146,12 @@ def _frames(span: Any, rate: Fraction, path: str | Path) -> Range:
 
 def _check(ranges: Sequence[Range], info: ClipInfo, path: str | Path) -> None:
     if not ranges:
-        raise UsageError("there is no shot in it", where=str(path))
+        raise UsageError("the edit list has no shots", where=str(path))
     last = max(end for _, end in ranges)
     if last >= info.frames:
         raise UsageError(
-            f"the edit has {last + 1} frames, the clip {info.frames}", where=str(path),
+            f"the edit has {last + 1} frames, but the clip has {info.frames}", where=str(path),
             remedy="Give the clip that was exported from this edit.",
         )  # fmt: skip
     if any(end < begin for begin, end in ranges):
-        raise UsageError("a shot in it has no frame", where=str(path))
+        raise UsageError("the edit list has a shot without frames", where=str(path))

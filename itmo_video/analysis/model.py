@@ -1,4 +1,4 @@
-"""The file that `analyse` writes: what a clip is made of, and a list of shots to be edited by hand.
+"""The file that `analyse` writes: facts about a clip, and a shot list to edit by hand.
 
 JSON with a format number; analysis/reading.py reads it back.
 """
@@ -18,19 +18,19 @@ FORMAT = 2  # in 1 a shot's strength multiplied the conversion's
 FORMAT_NAME = "itmo_video_analysis"
 READ_ME = "read_me"
 _HOW_TO_EDIT = (
-    "Shots may be edited: give one any setting of the look as on the command line, such as "
-    '"strength": 0.5 or "peak_nits": 600, or a "preset"; "enabled": false leaves it SDR, not '
-    "expanded at all; convert and preview read this file with --analysis"
+    "Edit the shots: give one any setting of the look, as on the command line, such as "
+    '"strength": 0.5 or "peak_nits": 600, or a "preset"; "enabled": false leaves it SDR; '
+    "convert and preview read this file with --analysis"
 )
 
 
 @dataclass(frozen=True)
 class Statistics:
-    """Luminance of some frames, SDR white = 1, taken at analysis size; `clipped` at full size.
+    """Luminance statistics, SDR white = 1, measured at analysis size; `clipped` at full size.
 
     p1 to p99 are percentiles of the pixels; `clipped` is the share of pixels whose code is at least
-    99 % of white (luma, or the largest of R, G, B); `change` the mean difference of neighbouring
-    frames of a shot, 0 to 1.
+    99 % of white (luma, or the largest of R, G, B); `change` is the mean difference between
+    neighbouring frames of a shot, 0 to 1.
     """
 
     mean: float
@@ -45,11 +45,11 @@ class Statistics:
 
 @dataclass(frozen=True)
 class Shot:
-    """Frames `first` to `last`, numbered as in the file names, inclusive, and how they are made.
+    """Frames `first` to `last` (as in file names, inclusive), and how they are converted.
 
-    `own` is the shot's own look: settings by name, or a preset, with the meaning that they have on
-    the command line beside the conversion's. A shot that is not `enabled` is left SDR. `rendering`
-    says in words how it was rendered to SDR, for people only.
+    `own` is the shot's own look: settings by name, or a preset, applied like flags after those of
+    the conversion. A shot that is not `enabled` is left SDR. `rendering` describes how it was
+    rendered to SDR, for people only.
     """
 
     first: int
@@ -60,12 +60,12 @@ class Shot:
     rendering: str | None = None
 
     def settings(self, base: Settings) -> Settings:
-        """What its frames are made with where `base` is the conversion's; raises UsageError."""
+        """Its frames' settings, given the conversion's `base`; raises UsageError."""
         own = with_own(base, self.own) if self.own else base
         return own if self.enabled else replace(base, strength=0.0)
 
     def to_row(self) -> dict[str, Any]:
-        """As JSON has it: the own settings among its other entries."""
+        """The shot as in JSON, with its own settings among the other entries."""
         row = {"first": self.first, "last": self.last, "enabled": self.enabled, **self.own}
         if self.rendering is not None:
             row["rendering"] = self.rendering
@@ -84,7 +84,7 @@ class Bars:
 
 @dataclass(frozen=True)
 class Suggestion:
-    """A setting that suits the clip, and why."""
+    """A suggested setting, and the reason."""
 
     setting: str
     value: float | int | str | bool
@@ -93,10 +93,10 @@ class Suggestion:
 
 @dataclass(frozen=True)
 class Analysis:
-    """A clip's cuts, keyframes, times, statistics and shots; numbers are those of the file names.
+    """A clip's cuts, keyframes, times, statistics and shots; numbers are as in file names.
 
-    `cuts` are the first frames of all shots but the first; `times_s` the presentation time of each
-    frame that decodes; `where` is the file that it was read from.
+    `cuts` are the first frames of all shots except the first; `times_s` the presentation times of
+    decodable frames; `where` is the file that it was read from.
 
     >>> from itmo_video import analyse
     >>> found = analyse("clip.mkv")
@@ -118,7 +118,7 @@ class Analysis:
     where: str | None = field(default=None, compare=False)
 
     def to_json(self) -> str:
-        """JSON text, a line each for shots and short lists, so that it can be edited by hand."""
+        """JSON text with one line per shot and short list, for editing by hand."""
         data = asdict(self)
         del data["where"]
         data["times_s"] = [str(time) for time in self.times_s]

@@ -1,4 +1,4 @@
-"""Reading an analysis back, with every entry checked: people edit these files by hand."""
+"""Reading an analysis back and checking every entry, as people edit these files by hand."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ _OF_SHOT = ("first", "last", "enabled", "statistics", "rendering")
 
 
 def read_analysis(path: StrPath) -> Analysis:
-    """Read the file `path`; raises UsageError unless it is a whole and consistent analysis.
+    """Read the file `path`; raises UsageError unless it is a complete and consistent analysis.
 
     >>> from itmo_video import RunOptions, analyse, convert, read_analysis
     >>> from pathlib import Path
@@ -46,7 +46,7 @@ def read_analysis(path: StrPath) -> Analysis:
 
 
 def parse_analysis(text: str, *, where: str) -> Analysis:
-    """Read JSON text; raises UsageError, naming `where` and the entry, for the unexpected."""
+    """Parse JSON text; raises UsageError, naming `where` and the entry, for anything invalid."""
     try:
         return _analysis(parse_json(text), where)
     except _WrongError as error:
@@ -56,14 +56,14 @@ def parse_analysis(text: str, *, where: str) -> Analysis:
 
 
 class _WrongError(Exception):
-    """What is wrong with the file's content."""
+    """An error in the file's content."""
 
 
 def _bad(why: str, where: str) -> UsageError:
     return UsageError(
         f"not a valid analysis: {cut(why)}",
         where=where,
-        remedy="Correct it, or write it anew: itmo-video analyse INPUT --output FILE.json",
+        remedy="Correct it, or write it again: itmo-video analyse INPUT --output FILE.json",
     )
 
 
@@ -73,7 +73,7 @@ def _analysis(data: Any, where: str) -> Analysis:
     number = data.pop(FORMAT_NAME)
     if isinstance(number, bool) or number not in (1, FORMAT):
         raise _WrongError(f"its format is {number}, this version reads {FORMAT}")
-    data.pop(READ_ME, None)  # words for people
+    data.pop(READ_ME, None)  # for people
     names = [f.name for f in fields(Analysis) if f.name != "where"]
     _check_names(data, names, names, "the file")
     first, frames = _whole(data, "first_number"), _whole(data, "frames")
@@ -126,13 +126,13 @@ def _shot(entry: Any, position: int) -> Shot:
 
 
 def _of_format_1(shots: Sequence[Any]) -> list[Any]:
-    """Shots as written until format 2: each with a strength that multiplied the conversion's."""
+    """Shots as written before format 2, with a strength that multiplied the conversion's."""
     for shot in shots:
         if isinstance(shot, dict) and shot.get("strength", 1.0) != 1.0:
             raise _WrongError(
-                f"shot {shot.get('first')}-{shot.get('last')}: strength {shot['strength']} is of "
-                f"format 1, where it multiplied the conversion's; in format {FORMAT} it is what "
-                f'--strength is. Set it so, and "{FORMAT_NAME}" to {FORMAT}'
+                f"shot {shot.get('first')}-{shot.get('last')}: strength {shot['strength']} is from "
+                f"format 1, in which it multiplied the conversion's; in format {FORMAT} it equals "
+                f'--strength. Change it accordingly, and set "{FORMAT_NAME}" to {FORMAT}'
             )
     return [
         {n: v for n, v in shot.items() if n != "strength"} if isinstance(shot, dict) else shot
@@ -145,9 +145,9 @@ def _check_order(shots: Sequence[Shot], first: int, last: int) -> None:
     for shot in shots:
         place = f"shot {shot.first}-{shot.last}"
         if shot.last < shot.first:
-            raise _WrongError(f"{place} ends before it begins")
+            raise _WrongError(f"{place} ends before it starts")
         if shot.first <= before:
-            raise _WrongError(f"{place} overlaps the one before it, or lies before frame {first}")
+            raise _WrongError(f"{place} overlaps the previous one, or lies before frame {first}")
         if shot.last > last:
             raise _WrongError(f"{place} goes beyond the last frame, {last}")
         before = shot.last
@@ -165,7 +165,7 @@ def _check_names(data: Any, known: Sequence[str], needed: Sequence[str], place: 
 def _whole(data: Mapping[str, Any], name: str, place: str = "the file") -> int:
     value = data[name]
     if not isinstance(value, int) or isinstance(value, bool) or value < 0:
-        raise _WrongError(f"{place}: {name} must be a whole number from 0 up, not {value!r}")
+        raise _WrongError(f"{place}: {name} must be a whole number, 0 or more, not {value!r}")
     return value
 
 
@@ -192,7 +192,7 @@ def _numbers(data: Mapping[str, Any], name: str, first: int, last: int) -> tuple
     values = _list(data, name)
     for value in values:
         if not isinstance(value, int) or isinstance(value, bool) or not first <= value <= last:
-            raise _WrongError(f"{name}: {value!r} is no frame from {first} to {last}")
+            raise _WrongError(f"{name}: {value!r} is not a frame from {first} to {last}")
     return tuple(values)
 
 
@@ -219,5 +219,5 @@ def _suggestion(data: Any) -> Suggestion:
     names = [f.name for f in fields(Suggestion)]
     _check_names(data, names, names, "suggestions")
     if not isinstance(data["value"], int | float | str | bool):
-        raise _WrongError("suggestions: a value must be a number, a word, true or false")
+        raise _WrongError("suggestions: a value must be a number, text, true or false")
     return Suggestion(_text(data, "setting"), data["value"], _text(data, "reason"))

@@ -1,4 +1,4 @@
-"""Settings that suit a clip, by simple rules of thumb, each with its reason.
+"""Suggesting settings for a clip by rules of thumb, each with a reason.
 
 Reported, never applied. Those for the Expand Map are for the operator banterle2006, with
 which they were measured (docs/quality.md); the numbers of the others are rules of thumb.
@@ -14,15 +14,15 @@ from itmo_video.model import ClipInfo
 FOR_THE_PAPER = "for --operator banterle2006"
 FEW_CLIPPED = 0.0005
 MANY_CLIPPED = 0.06
-DARK, BRIGHT = 0.1, 0.3  # of white: the middle tone of ordinary pictures lies between
+DARK, BRIGHT = 0.1, 0.3  # of white; the median of ordinary pictures lies between
 VERY_DARK = 0.05
 FAST_CHANGE = 0.02  # mean difference of neighbouring frames, 0 to 1
 SLOW_CHANGE = 0.002
-FEW_BITS = 0.06  # a pixel
+FEW_BITS = 0.06  # per pixel
 
 
 def suggestions(info: ClipInfo, statistics: Statistics) -> tuple[Suggestion, ...]:
-    """Suggest what a clip's facts and statistics speak for; empty where the defaults suit."""
+    """Suggest settings by a clip's metadata and statistics; empty if the defaults fit."""
     found = [
         _peak(statistics),
         *_map(statistics),
@@ -61,8 +61,8 @@ def _map(statistics: Statistics) -> tuple[Suggestion, ...]:
 def _l_white(statistics: Statistics) -> Suggestion | None:
     if not DARK < statistics.p50 <= BRIGHT:
         return None
-    tone = f"the middle tone is {statistics.p50:.0%} of white"
-    reason = f"{FOR_THE_PAPER}: {tone}: this keeps it steady beside lamps"
+    tone = f"the median is {statistics.p50:.0%} of white"
+    reason = f"{FOR_THE_PAPER}: {tone}; this keeps it steady next to lamps"
     return Suggestion("l_white", 12.0, reason)
 
 
@@ -83,7 +83,7 @@ def _noise(info: ClipInfo) -> Suggestion | None:
     bits = 8 * size / max(1, info.frames * info.width * info.height)
     if bits >= FEW_BITS:
         return None
-    reason = f"{bits:.3f} bits a pixel: expansion would show blocks and banding"
+    reason = f"{bits:.3f} bits per pixel: expansion would show blocking and banding"
     return Suggestion("noise_guard", True, reason)
 
 
@@ -91,4 +91,4 @@ def _projection(info: ClipInfo) -> Suggestion | None:
     width, height = info.display_size
     if width != 2 * height or width < 2048:
         return None
-    return Suggestion("projection", "latlong", "twice as wide as high: if it is a panorama")
+    return Suggestion("projection", "latlong", "twice as wide as high: perhaps a panorama")

@@ -1,4 +1,4 @@
-"""`analyse` at the terminal: the JSON to a file or standard output, the findings in words."""
+"""The command `analyse`: writes the JSON to a file or standard output, and a summary."""
 
 from __future__ import annotations
 
@@ -29,31 +29,32 @@ def add_analyse(commands: Any) -> None:
     analyse = commands.add_parser(
         "analyse",
         help="find cuts and keyframes, measure, and write a shot list to edit",
-        description="Look through a clip once. In the JSON that is written a shot may be given any "
-        'setting of the look, with the meaning that it has on the command line ("strength": 0.5, '
+        description="Find the cuts and keyframes of a clip and measure it. In the JSON each shot "
+        'can be given any setting of the look, as on the command line ("strength": 0.5, '
         '"peak_nits": 600, "operator": ..., also a "preset"), or "enabled": false; convert '
-        "and preview --analysis read it.",
+        "and preview read it with --analysis.",
     )
     analyse.add_argument(
-        "input", metavar="INPUT", help="a clip, or for metadata a converted folder"
+        "input", metavar="INPUT", help="a clip, or, for metadata, a converted folder"
     )
     analyse.add_argument(
         "--output", metavar="FILE",
-        help="where the JSON goes (default: standard output); .otio and .edl get the shots as an "
-        "edit list (extra `otio`)",
+        help="file for the JSON (default: standard output), or for the shots as an edit list, "
+        ".otio or .edl (extra `otio`)",
     )  # fmt: skip
     analyse.add_argument(
         "--shots", metavar="FILE",
-        help="take the shots from an edit list of the clip, .otio or .edl (extra `otio`)",
+        help="read the shots from an edit list of the clip, .otio or .edl (extra `otio`)",
     )  # fmt: skip
     analyse.add_argument(
         "--hdr10", action="store_true",
-        help="render all and print MaxCLL and MaxFALL as encoders' options, instead",
+        help="instead, render everything and print MaxCLL and MaxFALL as options for encoders",
     )  # fmt: skip
-    for flag, what in (("--hdr10plus", "HDR10+"), ("--dolby-vision", "Dolby Vision's level 1")):
+    for flag, what in (("--hdr10plus", "HDR10+"), ("--dolby-vision", "Dolby Vision level 1")):
         analyse.add_argument(
             flag, metavar="FILE.json",
-            help=f"render all and write {what} by shots, instead; of a folder with --analysis",
+            help=f"instead, render everything and write {what} metadata per shot; for a folder, "
+            "add --analysis",
         )  # fmt: skip
     add_options(analyse, RunOptions, OF_ANALYSE)
     add_telling(analyse, has_json=False)
@@ -66,7 +67,7 @@ def _analyse(args: argparse.Namespace) -> int:
     if args.hdr10 or args.hdr10plus or args.dolby_vision:
         return _metadata(args, run)
     if run.analysis is not None:
-        raise UsageError("--analysis is for --hdr10plus and --dolby-vision", remedy="Leave it out.")
+        raise UsageError("--analysis needs --hdr10plus or --dolby-vision", remedy="Omit it.")
     tell_config(args, Settings)
     _analyse_to(args, settings_of(args), run)
     return 0
@@ -78,17 +79,19 @@ def _metadata(args: argparse.Namespace, run: RunOptions) -> int:
     from itmo_video.delivery.shot_light import film_light_by_shots
 
     if args.output is not None:
-        raise UsageError("metadata have files of their own", remedy="Omit --output.")
+        raise UsageError("metadata is written to its own file", remedy="Omit --output.")
     if run.frames is not None:
-        raise UsageError("metadata are of the whole film", remedy="Omit --frames.")
+        raise UsageError("metadata covers the whole film", remedy="Omit --frames.")
     if args.shots is not None and (run.analysis is not None or os.path.isdir(args.input)):
-        raise UsageError("--shots is for clips, without --analysis", remedy="Leave it out.")
+        raise UsageError("--shots needs a clip and no --analysis", remedy="Omit it.")
     settings = None
     if not os.path.isdir(args.input):
         settings = settings_of(args)
         tell_config(args, Settings, RunOptions)
     elif args.preset is not None or given(args, Settings):
-        raise UsageError("a folder has the settings that it was made with", where=args.input)
+        raise UsageError(
+            "settings do not apply to a converted folder", where=args.input, remedy="Omit them."
+        )
     gates = {
         kind: _gate(path, args, run)
         for kind, path in ((hdr10plus, args.hdr10plus), (dolby_vision, args.dolby_vision))
@@ -120,8 +123,8 @@ def _gate(path: str, args: argparse.Namespace, run: RunOptions) -> Gate:
 def _analyse_to(args: argparse.Namespace, settings: Settings, run: RunOptions) -> None:
     """Write the JSON to --output, or to standard output.
 
-    Raises OutputError where a file is there already (it may hold shots edited by hand), unless
-    --overwrite is given and it is an analysis.
+    Raises OutputError if the file exists (it may contain shots edited by hand), unless --overwrite
+    is given and it is an analysis.
     """
     from itmo_video.analysis.analyse import analyse
     from itmo_video.analysis.edit_lists import is_edit_list
@@ -161,7 +164,7 @@ def _edit(args: argparse.Namespace, analysis: Analysis, settings: Settings, run:
 
 
 def in_words(analysis: Analysis) -> str:
-    """The findings in a few lines."""
+    """A summary in a few lines."""
     statistics, bars = analysis.statistics, analysis.bars
     lines = [
         f"{counted(analysis.frames, 'frame')}, {counted(len(analysis.shots), 'shot')}, "

@@ -1,4 +1,4 @@
-"""`completion`: scripts by which bash, zsh and fish complete commands, flags and their values."""
+"""`completion`: scripts for bash, zsh and fish that complete commands, flags and values."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ def add_completion(commands: Any, parser: argparse.ArgumentParser) -> None:
     """Add the subcommand, which describes all of `parser`."""
     completion = commands.add_parser(
         "completion",
-        help="print a script that completes commands in a shell",
-        description="Print the completion script of a shell, made from the definitions of all "
-        "options.",
+        help="print a shell completion script",
+        description="Print the completion script for a shell, generated from the definitions of "
+        "all options.",
         epilog=WHERE,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
@@ -41,7 +41,7 @@ def add_completion(commands: Any, parser: argparse.ArgumentParser) -> None:
 
 
 def bash_script(commands: Sequence[Command]) -> str:
-    """For bash: flags and known values; everything else is a file name."""
+    """For bash: flags and known values; otherwise file names."""
     values, flags = [], []
     for command in commands:
         flags.append(f"    {command.name}) words={shlex.quote(' '.join(_names(command)))} ;;")
@@ -69,7 +69,7 @@ def bash_script(commands: Sequence[Command]) -> str:
 
 
 def zsh_script(commands: Sequence[Command]) -> str:
-    """For zsh, with what each command and flag is for."""
+    """For zsh, with the help of each command and flag."""
     named = " ".join(_zsh(f"{command.name}:{command.help}") for command in commands)
     cases = []
     for command in commands:
@@ -87,7 +87,7 @@ def zsh_script(commands: Sequence[Command]) -> str:
 
 
 def fish_script(commands: Sequence[Command]) -> str:
-    """For fish, with what each command and flag is for."""
+    """For fish, with the help of each command and flag."""
     lines = []
     for command in commands:
         lines.append(

@@ -1,8 +1,8 @@
-"""The user's config file: what holds where neither a flag nor a preset is given.
+"""The user's config file: defaults for when neither a flag nor a preset is given.
 
-$XDG_CONFIG_HOME/itmo-video/config.toml, with `preset = NAME` and tables of flags without their
-dashes: [settings] as in a preset, [run] and [preview]. Frames follow the effective settings, which
-the folder's manifest records, wherever these come from.
+$XDG_CONFIG_HOME/itmo-video/config.toml, with `preset = NAME` and tables of flags without dashes:
+[settings] as in a preset, [run] and [preview]. Frames depend on the effective settings, which the
+folder's manifest records, wherever these come from.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from itmo_video.presets import load_preset, overriding
 from itmo_video.settings import Settings
 from itmo_video.untrusted import read_toml
 
-# Nothing that replaces files or picks frames: that is asked for each time.
+# Nothing that replaces files or selects frames, which must be requested each time.
 _TABLES: dict[str, tuple[type[Any], tuple[str, ...] | None]] = {
     "settings": (Settings, None),
     "run": (RunOptions, ("jobs", "durable", "max_pixels")),
@@ -38,9 +38,9 @@ _TABLES: dict[str, tuple[type[Any], tuple[str, ...] | None]] = {
 
 @dataclass(frozen=True)
 class Config:
-    """A config file's values by the fields' names, for each kind of options; empty without one.
+    """A config file's values by field name, for each kind of options; empty if there is none.
 
-    `notice` says why a file that may be there is left out.
+    `notice` says why an existing file is ignored.
     """
 
     path: Path | None = None
@@ -54,9 +54,9 @@ class Config:
 
 
 def config_path() -> Path | None:
-    """Where the file is looked for; None where there is no home."""
+    """The path of the config file; None without a home folder."""
     base = os.environ.get("XDG_CONFIG_HOME", "")
-    if not os.path.isabs(base):  # the specification has relative ones ignored
+    if not os.path.isabs(base):  # relative paths must be ignored by the specification
         base = os.environ.get("APPDATA", "") if os.name == "nt" else ""
     try:
         folder = Path(base) if base else Path.home() / ".config"
@@ -66,21 +66,21 @@ def config_path() -> Path | None:
 
 
 def read_config(path: Path) -> Config:
-    """A config file; raises UsageError, naming it, for what it may not hold."""
+    """Read a config file; raises UsageError, naming it, for invalid content."""
     try:
         content = read_toml(path)
     except InputError as error:
         if isinstance(error.__cause__, FileNotFoundError | NotADirectoryError):
             return Config()
         if isinstance(error.__cause__, PermissionError):
-            # Services run with a HOME of somebody else's: that must not end their work.
-            return Config(notice=f"{path}: permission denied, so no config file is read")
+            # Services may run with another user's HOME, which must not stop them.
+            return Config(notice=f"{path}: permission denied; config file ignored")
         raise _wrong(error.what, path) from error
     if unknown := sorted(set(content) - {"preset", *_TABLES}):
         raise _wrong(f"unknown entry {', '.join(unknown)}", path)
     preset = content.get("preset")
     if preset is not None and not isinstance(preset, str):
-        raise _wrong("preset must be a word", path)
+        raise _wrong("preset must be text", path)
     try:
         if preset is not None:
             load_preset(preset)
@@ -94,7 +94,7 @@ def read_config(path: Path) -> Config:
 
 
 def config_of(args: argparse.Namespace) -> Config:
-    """The user's config, unless --no-config; read once a command."""
+    """The user's config, unless --no-config is given; read once per command."""
     if not hasattr(args, "config"):
         path = None if args.no_config else config_path()
         args.config = Config() if path is None else read_config(path)
@@ -103,14 +103,14 @@ def config_of(args: argparse.Namespace) -> Config:
 
 
 def preset_of(args: argparse.Namespace) -> str:
-    """The preset that holds: the flag's, the config's, or `default`."""
+    """The preset to use: the flag's, the config's, or `default`."""
     return args.preset or config_of(args).preset or "default"
 
 
 def said(args: argparse.Namespace, kind: type[Any]) -> dict[str, Any]:
-    """What config and flags say of the options of `kind`; the flags win.
+    """The options of `kind` from config and flags; flags take precedence.
 
-    The config's settings go with its own preset: with --preset they do not hold.
+    The config's settings belong to its preset: with --preset they are ignored.
     """
     flags = given(args, kind)
     if kind is Settings and args.preset is not None:
@@ -119,12 +119,12 @@ def said(args: argparse.Namespace, kind: type[Any]) -> dict[str, Any]:
 
 
 def options_said(args: argparse.Namespace, kind: type[Any]) -> Any:
-    """The options of `kind` by config and flags; raises UsageError for what is not allowed."""
+    """The options of `kind` from config and flags; raises UsageError for invalid ones."""
     return options_from(kind, said(args, kind))
 
 
 def tell_config(args: argparse.Namespace, *kinds: type[Any]) -> None:
-    """Say on standard error which defaults come from the config file, unless --quiet."""
+    """Report on standard error which defaults come from the config file, unless --quiet."""
     config = config_of(args)
     told: list[str] = []
     for kind in kinds:
@@ -138,7 +138,7 @@ def tell_config(args: argparse.Namespace, *kinds: type[Any]) -> None:
     if config.notice is not None:
         message = config.notice
     elif told:
-        message = f"from {config.path}: {', '.join(told)} (--no-config leaves it out)"
+        message = f"from {config.path}: {', '.join(told)} (--no-config ignores it)"
     else:
         return
     if getattr(args, "log_file", None) is not None:

@@ -1,4 +1,4 @@
-"""`convert`: a clip, still or image sequence to a folder of EXR files."""
+"""The command `convert`: a clip, still or image sequence to a folder of EXR files."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def add_convert(commands: Any) -> None:
     convert = commands.add_parser(
         "convert",
         help="convert SDR clips, stills and sequences to EXR (resumes)",
-        description="Convert an SDR clip to an EXR sequence; 1.0 in it is SDR white. "
+        description="Convert an SDR clip to an EXR sequence, in which 1.0 is SDR white. "
         "Run the same command again to resume.",
         epilog=EXAMPLES,
         formatter_class=argparse.RawDescriptionHelpFormatter,
@@ -40,17 +40,16 @@ def add_convert(commands: Any) -> None:
         "inputs",
         metavar="INPUT",
         nargs="+",
-        help="a clip, a still, an image sequence (img.%%04d.png, or img.*.png as the shell lists "
-        "it), or - for standard input; of several inputs, each goes to its own folder "
-        "OUTPUT_DIR/<stem>",
+        help="a clip, a still, an image sequence (img.%%04d.png, or img.*.png expanded by the "
+        "shell), or - for standard input; several inputs go to folders OUTPUT_DIR/<stem>",
     )
     convert.add_argument("output", metavar="OUTPUT_DIR", help="folder to write the frames to")
     add_settings(convert)
     add_run_options(convert)
     convert.add_argument(
         "--name", metavar="TEMPLATE",
-        help="the folder in OUTPUT_DIR of each input, such as {parent}-{stem}; {suffix} and "
-        "{number} (of the input, from 1) are known, too",
+        help="folder in OUTPUT_DIR for each input, such as {parent}-{stem}; also {suffix} and "
+        "{number} (of the input, from 1)",
     )  # fmt: skip
     convert.add_argument(
         "--report", action="store_true", help="also write a QC report, OUTPUT_DIR/report.html"
@@ -88,7 +87,7 @@ def _convert(args: argparse.Namespace) -> int:
         except ItmoError as error:
             if len(found.conversions) == 1:
                 raise
-            # One bad input of many must not keep the others from being made.
+            # One bad input of many must not stop the others.
             code = max(code, reported(error, args.log_file))
     return code
 
@@ -141,7 +140,9 @@ def _convert_one(
 
         executor = cluster_executor(args.scheduler, Tls(*tls))
     elif any(tls):
-        raise UsageError("certificates are for a scheduler", remedy="--scheduler tls://host:8786")
+        raise UsageError(
+            "TLS certificates need a scheduler", remedy="Add --scheduler tls://host:8786."
+        )
     page = ReportOptions(clip=Path(source), overwrite=run.overwrite)
     if args.report and os.path.isdir(output):
         report_gate(Path(output), page, None).check()
@@ -152,7 +153,7 @@ def _convert_one(
         with progress.on(source) as on_event:
             convert(source, output, settings, run, on_event, executor)
     except DamagedInputError as error:
-        damage = error  # what could be made has its page, too
+        damage = error  # frames that were converted are still reported
     if args.report and any(Path(output).glob("*.exr")):
         report(output, page)
     if damage is not None:

@@ -1,4 +1,4 @@
-"""The command `evaluate`: figures as a table or JSON, and a verdict for pipelines."""
+"""The command `evaluate`: figures as a table or JSON, and checks for pipelines."""
 
 from __future__ import annotations
 
@@ -32,21 +32,21 @@ def add_evaluate(commands: Any) -> None:
     parser = commands.add_parser(
         "evaluate",
         help="measure flicker, and fidelity to a reference",
-        description="Measure an EXR sequence: with --source its flicker along the clip's motion "
-        "(map_flicker needs --layers expand_map), with --reference its fidelity to the truth.",
+        description="Measure an EXR sequence: its flicker along the clip's motion with --source "
+        "(map_flicker needs --layers expand_map), its fidelity to the truth with --reference.",
         epilog=EXAMPLES,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("test", metavar="TEST", help="a folder of EXR files")
     add_options(parser, EvaluateOptions)
-    parser.add_argument("--json", action="store_true", help="as JSON")
+    parser.add_argument("--json", action="store_true", help="print JSON")
     parser.add_argument(
         "--fail-above", action="append", default=[], metavar="METRIC=VALUE",
-        help="exit code 7 if the clip's figure is above (any number of times)",
+        help="exit code 7 if the clip's figure is above this (repeatable)",
     )  # fmt: skip
     parser.add_argument(
         "--fail-below", action="append", default=[], metavar="METRIC=VALUE",
-        help="exit code 7 if the clip's figure is below (any number of times)",
+        help="exit code 7 if the clip's figure is below this (repeatable)",
     )  # fmt: skip
     parser.set_defaults(run=_evaluate)
 
@@ -100,8 +100,8 @@ def _judge(
 ) -> None:
     for name, _ in above + below:
         if name not in figures:
-            raise UsageError(f"no figure {name!r}", remedy=f"There are: {', '.join(figures)}")
-    # A figure that could not be measured must not pass a pipeline's check unseen.
+            raise UsageError(f"unknown figure {name!r}", remedy=f"Known: {', '.join(figures)}")
+    # A figure that could not be measured must not pass a pipeline's check.
     failed = [
         f"{name} is {figures[name]:.5g}, {word} {limit:g}"
         for word, limits in (("above", above), ("below", below))

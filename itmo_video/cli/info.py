@@ -1,4 +1,4 @@
-"""`info`, `presets` and `operators`: what there is, printed."""
+"""The commands `info`, `presets` and `operators`."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ def add_info(commands: Any) -> None:
         "info", help="show a clip's metadata and the defaults that will be used"
     )
     info.add_argument("input", metavar="INPUT")
-    info.add_argument("--json", action="store_true", help="as JSON")
+    info.add_argument("--json", action="store_true", help="print JSON")
     info.set_defaults(run=_info)
 
     presets = commands.add_parser("presets", help="list the presets and their settings")
-    presets.add_argument("--json", action="store_true", help="as JSON")
+    presets.add_argument("--json", action="store_true", help="print JSON")
     presets.set_defaults(run=_presets)
     operators = commands.add_parser(
-        "operators", help="list the operators with parameters and sources"
+        "operators", help="list the operators with their parameters and sources"
     )
     operators.set_defaults(run=_operators)
 
@@ -37,7 +37,7 @@ def _info(args: argparse.Namespace) -> int:
     from itmo_video.source.opening import open_clip
     from itmo_video.source.tags import InputOptions
 
-    # info only tells: what convert would refuse as HDR is told, not refused.
+    # HDR that convert would refuse is only reported by info.
     with open_clip(args.input, InputOptions(only_tells=True)) as clip:
         told = facts.clip_facts(clip.info)
         if (rendering := _rendering(clip)) is not None:
@@ -50,7 +50,7 @@ def _info(args: argparse.Namespace) -> int:
 
 
 def _rendering(clip: Clip) -> dict[str, str] | None:
-    """How the first frame was rendered to SDR; None of HDR, and where it cannot be decoded."""
+    """How the first frame was rendered to SDR; None for HDR, or if it cannot be decoded."""
     from itmo_video.errors import ItmoError
     from itmo_video.operators.auto_rendering import rendering_of_frame
 
@@ -59,7 +59,7 @@ def _rendering(clip: Clip) -> dict[str, str] | None:
     settings = make_settings()
     try:
         first = next(iter(clip.frames()), None)
-    except ItmoError:  # convert tells of it
+    except ItmoError:  # convert reports it
         return None
     if first is None:
         return None

@@ -1,4 +1,4 @@
-"""The log file of `--log`: what a command reports while it runs, with times; runs are appended."""
+"""The log file of `--log`: a command's messages with times; runs are appended."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ _OURS = re.compile(rb"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d\.\d{3}Z ")
 
 
 class LogFile:
-    """Appends lines to a file, each with its time (UTC); raises OutputError for a file not ours.
+    """Appends lines with times (UTC) to a log; raises OutputError for any other kind of file.
 
-    What cannot be written later on is said once, and does not end the work.
+    Later write errors are reported once and do not stop the work.
     """
 
     def __init__(self, path: StrPath) -> None:
@@ -39,7 +39,7 @@ class LogFile:
                 raise _refused("not a regular file", self._path)
             head = os.read(descriptor, 64)
             if head and not _OURS.match(head):
-                raise _refused("an existing file there is not a log of itmo-video", self._path)
+                raise _refused("a file exists there that is not a log of itmo-video", self._path)
         except BaseException:
             os.close(descriptor)
             raise
@@ -64,7 +64,7 @@ class LogFile:
         self.write(f"itmo-video {version('itmo_video')}: {shlex.join(argv)}")
 
     def write(self, message: object) -> None:
-        """Append a message; each of its lines is one of the log's."""
+        """Append a message; each of its lines becomes a line of the log."""
         now = datetime.now(UTC)
         at = f"{now.strftime(_TIME)}.{now.microsecond // 1000:03d}Z"
         text = "".join(f"{at} {line}\n" for line in str(message).splitlines())

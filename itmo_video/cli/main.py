@@ -1,4 +1,4 @@
-"""The command line: flags from the settings' own definitions, exit codes from the errors."""
+"""The command line: flags come from the settings' definitions, exit codes from the errors."""
 
 from __future__ import annotations
 
@@ -50,11 +50,11 @@ class _Parser(argparse.ArgumentParser):
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run the command line; returns the exit code (cli.md)."""
+    """Run the command line; returns the exit code."""
     signal.signal(signal.SIGTERM, _on_sigterm)
     with_streams()
     said = sys.argv[1:] if argv is None else list(argv)
-    log: list[LogFile] = []  # there once the flags are read
+    log: list[LogFile] = []  # filled once the flags are parsed
     with ExitStack() as closing:
         code = _run(said, log, closing)
         for file in log:
@@ -90,12 +90,12 @@ def _run(said: Sequence[str], log: list[LogFile], closing: ExitStack) -> int:
 
 
 def run() -> NoReturn:
-    """Run the command line as a process of its own, which ends with it."""
-    # NumPy's algebra here is of 3 by 3; its idle threads take a core while others start to work.
+    """Run the command line and exit the process."""
+    # NumPy's matrices here are 3 x 3; its idle threads would occupy a core meanwhile.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     code = main()
-    if "OpenImageIO" not in sys.modules:  # whose bindings would print what "leaks"
-        gc.freeze()  # else the interpreter looks three times through all that ends now, for 40 ms
+    if "OpenImageIO" not in sys.modules:  # its bindings would print "leaks"
+        gc.freeze()  # otherwise the interpreter scans all objects three times on exit, for 40 ms
     sys.exit(code)
 
 
@@ -104,11 +104,11 @@ def _on_sigterm(signum: int, frame: FrameType | None) -> None:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = _Parser(prog="itmo-video", description="Turn SDR video into HDR.")
+    parser = _Parser(prog="itmo-video", description="Convert SDR video to HDR.")
     parser.add_argument(
         "--version",
         action="store_true",
-        help="show versions, and whether the compiled kernels run",
+        help="show versions, and whether the compiled kernels are used",
     )
     parser.set_defaults(run=_no_command(parser))
     commands = parser.add_subparsers(metavar="COMMAND", parser_class=_Parser)

@@ -1,4 +1,4 @@
-"""`manual`: the manual page, made from the definitions of all options."""
+"""`manual`: the manual page, generated from the definitions of all options."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ if TYPE_CHECKING:
 
 EXIT_CODES = (
     ("0", "done"),
-    ("1", "a fault of itmo-video's own"),
+    ("1", "unexpected: a bug in itmo-video"),
     ("2", "wrong usage or settings"),
-    ("3", "the input cannot be read, or is not video"),
-    ("4", "the input was damaged or short; what could be converted was"),
+    ("3", "the input cannot be read, or is not a video"),
+    ("4", "the input is damaged or truncated; everything else was converted"),
     ("5", "the output cannot be written"),
     ("6", "refused: the input is already HDR"),
     ("7", "a check failed"),
-    ("130, 143", "interrupted; finished frames are intact, the same command resumes"),
+    ("130, 143", "interrupted; finished frames are intact, run the same command to resume"),
 )
 
 
@@ -28,7 +28,7 @@ def add_manual(commands: Any, parser: argparse.ArgumentParser) -> None:
     manual = commands.add_parser(
         "manual",
         help="print the manual page (itmo-video manual | man -l -)",
-        description="Print the manual page in roff, made from the definitions of all options.",
+        description="Print the manual page in roff, generated from the definitions of all options.",
     )
 
     def run(args: argparse.Namespace) -> int:
@@ -41,11 +41,11 @@ def add_manual(commands: Any, parser: argparse.ArgumentParser) -> None:
 
 
 def manual_page(commands: Sequence[Command]) -> str:
-    """The page in roff's man macros; no date in it, so that it is the same each time."""
+    """The page in roff's man macros; without a date, to be reproducible."""
     lines = [
         '.TH ITMO\\-VIDEO 1 "" "itmo_video" "User Commands"',
         ".SH NAME",
-        "itmo\\-video \\- turn SDR video into HDR",
+        "itmo\\-video \\- convert SDR video to HDR",
         ".SH SYNOPSIS",
         ".B itmo\\-video",
         "COMMAND [OPTION]... [ARGUMENT]...",

@@ -1,4 +1,4 @@
-"""Flags made from the options' own definitions, and the options of what was said by them."""
+"""Flags generated from the options' definitions, and options parsed from flags."""
 
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ def add_options(
     *,
     negatable: bool = False,
 ) -> None:
-    """Add a flag for each option of the dataclass `kind`, or for those in `only`, to a group.
+    """Add flags for the options of the dataclass `kind`, or only those in `only`, to a group.
 
-    `defaults` are what happens without the flags, where not what the fields say; `negatable` gives
-    switches a --no-, for what else may set them.
+    `defaults` override the fields' defaults in the help; `negatable` adds --no- to switches that
+    can also be set elsewhere.
     """
     wanted = None if only is None else set(only)
     for f in dataclasses.fields(kind):
@@ -53,7 +53,7 @@ def add_options(
 
 
 def given(args: argparse.Namespace, kind: type[Any]) -> dict[str, Any]:
-    """The values of the options of `kind` that flags were given for, by the fields' names."""
+    """The values of the options of `kind` given by flags, by field name."""
     values: dict[str, Any] = {}
     for f in dataclasses.fields(kind):
         value, spec = getattr(args, _dest(kind, f.name), None), spec_of(f)
@@ -70,16 +70,16 @@ def given(args: argparse.Namespace, kind: type[Any]) -> dict[str, Any]:
 
 
 def options_of(args: argparse.Namespace, kind: type[T]) -> T:
-    """The options of `kind` as the flags say; raises UsageError for what they do not allow."""
+    """The options of `kind` from the flags; raises UsageError for invalid ones."""
     return options_from(kind, given(args, kind))
 
 
 def named_number(flag: str, text: str) -> tuple[str, float]:
-    """Name and value of NAME=VALUE, as `flag` was given it; raises UsageError for anything else."""
+    """The name and value of NAME=VALUE given to `flag`; raises UsageError for anything else."""
     name, _, value = text.partition("=")
     try:
         number = float(value)
-        if not math.isfinite(number):  # nothing is above NaN: a check would always pass
+        if not math.isfinite(number):  # a check against NaN would always pass
             raise ValueError
         return name, number
     except ValueError:

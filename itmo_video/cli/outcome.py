@@ -1,4 +1,4 @@
-"""How a command ends: errors in two lines, exit codes."""
+"""The end of a command: error messages and exit codes."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from itmo_video.errors import ItmoError
 
 
 class Terminated(BaseException):
-    """SIGTERM came."""
+    """SIGTERM was received."""
 
 
 def reported(error: ItmoError, log: LogFile | None = None) -> int:
@@ -26,13 +26,13 @@ def reported(error: ItmoError, log: LogFile | None = None) -> int:
 
 
 def debug() -> None:
-    """Print the traceback where ITMO_VIDEO_DEBUG asks for it."""
+    """Print the traceback if ITMO_VIDEO_DEBUG is set."""
     if os.environ.get("ITMO_VIDEO_DEBUG") == "1":
         traceback.print_exc()
 
 
 def interrupted(code: int, said: Sequence[str]) -> int:
-    """Say that the run was interrupted, and what of its output stands; returns `code`."""
+    """Report that the run was interrupted, and which output is intact; returns `code`."""
     stands = (
         "finished frames are intact, run the same command to resume"
         if said[:1] == ["convert"]
@@ -43,7 +43,7 @@ def interrupted(code: int, said: Sequence[str]) -> int:
 
 
 def out_of_memory() -> int:
-    """Say that memory ran out; returns the exit code."""
+    """Report that memory ran out; returns the exit code."""
     debug()
     print(
         "itmo-video: not enough memory; finished frames are intact\n"
@@ -54,12 +54,12 @@ def out_of_memory() -> int:
 
 
 def unexpected(error: Exception) -> int:
-    """Report what is our own fault; returns the exit code."""
+    """Report a bug; returns the exit code."""
     if type(error).__name__ == "error" and "Insufficient memory" in str(error):  # OpenCV's
         return out_of_memory()
     debug()
     print(
-        f"itmo-video: unexpected: {type(error).__name__}: {error}\n"
+        f"itmo-video: unexpected error: {type(error).__name__}: {error}\n"
         "Please report this; ITMO_VIDEO_DEBUG=1 prints the traceback.",
         file=sys.stderr,
     )

@@ -1,4 +1,4 @@
-"""Which input goes to which folder, and by which name."""
+"""The output folder and name of each input."""
 
 from __future__ import annotations
 
@@ -14,23 +14,23 @@ from itmo_video.source.numbered import together
 from itmo_video.source.stills import NUMBER_PATTERN
 
 _FIELDS = ("stem", "parent", "suffix", "number")
-_KNOWN = (None, *_FIELDS)  # text without a field has None
+_KNOWN = (None, *_FIELDS)  # None for text without a field
 _APART = ("{parent}-{stem}", "{stem}-{suffix}", "{number}-{stem}")
 
 
 @dataclass(frozen=True)
 class Outputs:
-    """Source, folder and frames (None for all) of each conversion; `notices` are for people."""
+    """Source, folder and frames (None for all) of each conversion, and `notices` to print."""
 
     conversions: tuple[tuple[str, str, str | None], ...]
     notices: tuple[str, ...]
 
 
 def named(inputs: Sequence[str], output: str, template: str | None) -> Outputs:
-    """The folder of each input: `output` itself for one, else those that `template` names in it.
+    """The folder of each input: `output` itself for one, otherwise `template` within it.
 
-    Pictures that are one sequence are one input. Raises UsageError where two would share a folder,
-    and for templates and names that are none.
+    Pictures of one sequence are one input. Raises UsageError if two inputs would share a folder,
+    and for invalid templates and names.
     """
     check_folder_name(output, inputs[0])
     listed, told = together(inputs)
@@ -46,9 +46,9 @@ def named(inputs: Sequence[str], output: str, template: str | None) -> Outputs:
         if twice := sorted({name for name in names if names.count(name) > 1}):
             raise UsageError(
                 f"several inputs would go to {', '.join(os.path.join(output, n) for n in twice)}",
-                remedy=f"Name them apart: --name '{_apart(sources)}'",
+                remedy=f"Give them different names: --name '{_apart(sources)}'",
             )
-        # With a slash, so that a name with a dot in it is no film's.
+        # With a slash, so that a name with a dot is not mistaken for a film's.
         folders = [os.path.join(output, name, "") for name in names]
     return Outputs(tuple(zip(sources, folders, frames, strict=True)), tuple(told))
 
@@ -70,14 +70,14 @@ def _name(template: str, source: str, number: int) -> str:
     }  # fmt: skip
     try:
         if unknown := [f for _, f, _, _ in string.Formatter().parse(template) if f not in _KNOWN]:
-            raise ValueError(f"there is no {{{unknown[0]}}}")
+            raise ValueError(f"{{{unknown[0]}}} is unknown")
         name = template.format(**values)
     except (ValueError, IndexError, KeyError) as error:
         raise UsageError(
-            f"name: {template!r} cannot be filled in: {error}",
+            f"--name {template!r} is invalid: {error}",
             remedy=f"Known: {', '.join(f'{{{field}}}' for field in _FIELDS)}",
         ) from error
     parts = name.split("/")
     if any(part in ("", ".", "..") for part in parts) or os.path.isabs(name):
-        raise UsageError(f"name: {name!r} is not a valid folder name in OUTPUT_DIR")
+        raise UsageError(f"--name: {name!r} is not a valid folder name in OUTPUT_DIR")
     return name

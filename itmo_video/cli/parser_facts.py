@@ -1,4 +1,4 @@
-"""What a parser's flags are, read off argparse: for completion and the manual page alike."""
+"""A parser's commands and flags, read from argparse, for completion and the manual page."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _HIDDEN = (argparse.SUPPRESS, None)
 
 @dataclass(frozen=True)
 class Flag:
-    """A flag: its names, what it is for, the name of its value ("" for a switch), known values."""
+    """A flag: its names, help, the name of its value ("" for a switch), and known values."""
 
     names: tuple[str, ...]
     help: str
@@ -23,7 +23,7 @@ class Flag:
 
 @dataclass(frozen=True)
 class Command:
-    """A subcommand: its arguments by name with what they are, and its flags."""
+    """A subcommand: its arguments with their help, and its flags."""
 
     name: str
     help: str
@@ -33,7 +33,7 @@ class Command:
 
 
 def commands_of(parser: argparse.ArgumentParser) -> list[Command]:
-    """The subcommands of a parser, in its order."""
+    """The subcommands of a parser, in order."""
     found: list[Command] = []
     for action in parser._actions:
         if isinstance(action, argparse._SubParsersAction):
@@ -45,7 +45,7 @@ def commands_of(parser: argparse.ArgumentParser) -> list[Command]:
 
 
 def flags_of(parser: argparse.ArgumentParser) -> tuple[Flag, ...]:
-    """A parser's flags, in its order."""
+    """A parser's flags, in order."""
     return tuple(
         _flag(parser, action)
         for action in parser._actions

@@ -1,4 +1,4 @@
-"""`itmo-video preview`: its flags, and from them the options."""
+"""The command `preview`: its flags and options."""
 
 from __future__ import annotations
 
@@ -31,9 +31,9 @@ def add_preview(commands: Any) -> None:
     """Add the subcommand, with the settings' flags as `convert` has them."""
     parser = commands.add_parser(
         "preview",
-        help="make an HDR10, HLG or SDR film or still from a clip or a converted folder",
-        description="Make an HDR10 or HLG film, or a view for SDR monitors. A clip is converted on "
-        "the fly by the settings below; a converted folder is shown as it is.",
+        help="encode an HDR10, HLG or SDR film or still from a clip or a converted folder",
+        description="Encode an HDR10 or HLG film, or a view for SDR monitors. A clip is converted "
+        "on the fly with the settings below; a converted folder is shown as converted.",
         epilog=EXAMPLES,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
@@ -45,7 +45,7 @@ def add_preview(commands: Any) -> None:
     parser.add_argument(
         "output",
         metavar="OUTPUT",
-        help="a film (.mp4 .mov .mkv .y4m), a still (.avif .png .tif .jpg), or - for y4m to a pipe",
+        help="a film (.mp4 .mov .mkv .y4m), a still (.avif .png .tif .jpg), or - for Y4M to a pipe",
     )
     view = parser.add_argument_group("view")
     add_options(view, PreviewOptions, OF_VIEW)
@@ -69,7 +69,7 @@ def _run(args: argparse.Namespace) -> int:
     to_pipe = args.output == "-"
     if to_pipe and args.json:
         raise UsageError(
-            "--json and a film to standard output exclude each other", remedy="Omit --json."
+            "--json cannot be used with a film to standard output", remedy="Omit --json."
         )
     progress = progress_of(args)
     if settings is not None:

@@ -1,4 +1,4 @@
-"""Progress of a command: JSON lines for machines; a bar, the rate and the time left for people."""
+"""Reporting progress: JSON lines for programs; a bar, the rate and the time left for people."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ _BAR, _NAME = 24, 30  # columns at most
 
 
 class Progress:
-    """Tells events: as JSON on standard output, else on standard error, with a bar on terminals.
+    """Prints events: as JSON on standard output, or on standard error, with a bar on terminals.
 
-    `is_verbose` reports each frame in a line of its own, and so does `log`, whatever is quiet.
-    `about` is the input that notices are of, where a command has several.
+    `is_verbose` prints a line for each frame; `log` always records them. `about` is the input that
+    notices refer to, if a command has several.
     """
 
     def __init__(
@@ -45,7 +45,7 @@ class Progress:
         self._began = time.monotonic()
         self._drawn = float("-inf")
         self._name = self._output = ""
-        self._shown = 0  # columns of the line that is open
+        self._shown = 0  # columns of the current line
         self._lost: Exception | None = None
 
     def on_event(self, event: Event) -> None:
@@ -73,9 +73,9 @@ class Progress:
 
     @contextmanager
     def on(self, source: str) -> Iterator[OnEvent]:
-        """Name the input at once, as a long film's index takes its time; gives `on_event`.
+        """Show the input's name at once, as indexing a long film takes a while; gives `on_event`.
 
-        However the work ends, what follows stands on a line of its own.
+        At the end, the line is terminated.
         """
         self._name = os.path.basename(os.path.normpath(source))
         if self._has_bar:
@@ -86,7 +86,7 @@ class Progress:
             self.close()
 
     def detail(self, message: str) -> None:
-        """Tell what only --verbose and --log want to know."""
+        """Print details for --verbose and --log only."""
         if self._log is not None:
             self._log.write(message)
         if self._is_verbose:
@@ -94,7 +94,7 @@ class Progress:
             print(f"{PROGRAM}: {message}", file=self._stream)
 
     def close(self) -> None:
-        """End the line that stands on the terminal, so that others may write below it."""
+        """Terminate the current line on the terminal, so that others may print below it."""
         if self._shown:
             print(file=self._stream)
         self._shown = 0
@@ -109,7 +109,7 @@ class Progress:
         print(told, file=self._stream)
 
     def _tell(self, line: str) -> None:
-        """A line on standard output; who reads no longer does not stop the work."""
+        """Print a line to standard output; a closed reader does not stop the work."""
         if self._lost is not None:
             return
         try:
@@ -129,7 +129,7 @@ class Progress:
         )
 
     def _draw(self, done: int, total: int) -> None:
-        """The bar, at most ten times a second, and when all is done."""
+        """Print the bar, at most ten times a second and at the end."""
         now = time.monotonic()
         if not self._has_bar or (done != total and now - self._drawn < _REDRAW_S):
             return
@@ -145,7 +145,7 @@ class Progress:
 def bar_line(name: str, done: int, total: int, elapsed_s: float, columns: int) -> str:
     """`clip.mp4 [####----] 12/48 frames, 5.1 fps, 0:07 left`, no wider than `columns`.
 
-    `total` is 0 where nobody knows it; what has no room goes: the bar, then the name.
+    `total` is 0 if unknown; the bar, then the name, are dropped if there is no room.
     """
     rate = done / max(elapsed_s, 1e-6)
     facts = f"{done}{f'/{total}' if total else ''} frames"

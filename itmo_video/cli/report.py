@@ -1,4 +1,4 @@
-"""`itmo-video report`: its flags."""
+"""The command `report`."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ def add_report(commands: Any) -> None:
     parser = commands.add_parser(
         "report",
         help="write a self-contained HTML report (QC) of a conversion",
-        description="Write a page about a converted folder: a viewer with read-outs in nits, light "
-        "over time, light levels, settings. It works offline.",
+        description="Write a self-contained page about a converted folder: a viewer with read-outs "
+        "in nits, light over time, light levels, settings.",
     )
     parser.add_argument("folder", metavar="OUTPUT_DIR", help="a converted folder")
     add_options(parser, ReportOptions)
-    parser.add_argument("--quiet", action="store_true", help="no progress")
+    parser.add_argument("--quiet", action="store_true", help="print no progress")
     parser.set_defaults(run=_run)
 
 

@@ -1,4 +1,4 @@
-"""Flags of how a command is run, which change no pixel."""
+"""Flags for running a command that do not change pixels."""
 
 from __future__ import annotations
 
@@ -22,28 +22,28 @@ def add_run_options(parser: argparse.ArgumentParser) -> None:
     group.add_argument(
         "--verify",
         action="store_true",
-        help="only check the output; exit code 7 if it is incomplete",
+        help="only check the output; exit code 7 if it is incomplete or damaged",
     )
     group.add_argument(
-        "--dry-run", action="store_true", help="print frames, disk space and memory; do nothing"
+        "--dry-run", action="store_true", help="only print frames, disk space and memory"
     )
     group.add_argument(
         "--scheduler", metavar="ADDRESS|local",
-        help="run on a Dask cluster, or on --jobs processes here (extra `cluster`)",
+        help="run on a Dask cluster, or in --jobs local processes (extra `cluster`)",
     )  # fmt: skip
     for name, what in (("ca-file", "authority"), ("cert", "certificate"), ("key", "key")):
         group.add_argument(
             f"--tls-{name}", metavar="FILE.pem",
-            help=f"{what} for --scheduler tls://..., as `dask worker` takes it (default: as Dask "
-            "is configured)",
+            help=f"{what} for --scheduler tls://..., as for `dask worker` (default: Dask's "
+            "configuration)",
         )  # fmt: skip
     add_telling(group)
 
 
 def add_telling(group: Any, *, has_json: bool = True) -> None:
-    """Add the flags of what is reported while a command runs."""
+    """Add the flags for reporting."""
     loud = group.add_mutually_exclusive_group()
-    loud.add_argument("--quiet", action="store_true", help="no progress and no notices")
+    loud.add_argument("--quiet", action="store_true", help="print no progress and no notices")
     loud.add_argument(
         "--verbose",
         action="store_true",
@@ -61,7 +61,7 @@ def add_telling(group: Any, *, has_json: bool = True) -> None:
 
 
 def progress_of(args: argparse.Namespace, about: str | None = None) -> Progress:
-    """Reports events as the flags of `add_telling` ask for; `about` is the input of several."""
+    """A reporter by the flags of `add_telling`; `about` is the input, if there are several."""
     from itmo_video.cli.progress import Progress
 
     return Progress(

@@ -1,4 +1,4 @@
-"""The flags of the settings, and the settings by preset and flags."""
+"""The flags of the settings, and settings from preset and flags."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from itmo_video.settings import Settings
 def add_settings(parser: argparse.ArgumentParser) -> None:
     """Add a flag for the preset and for each setting."""
     group = parser.add_argument_group(
-        "settings (also keys of a preset's TOML; defaults in parentheses)"
+        "settings (also keys in a preset's TOML; defaults in parentheses)"
     )
     group.add_argument(
         "--preset", default=None, metavar="NAME|FILE.toml",
@@ -38,5 +38,5 @@ def in_words(settings: Settings) -> str:
 
 
 def settings_of(args: argparse.Namespace) -> Settings:
-    """The settings by preset, config and flags; raises UsageError for what they do not allow."""
+    """The settings from preset, config and flags; raises UsageError for invalid ones."""
     return make_settings(preset_of(args), **said(args, Settings))

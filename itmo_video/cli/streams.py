@@ -1,4 +1,4 @@
-"""Standard streams that are closed, full, or read by nobody any more."""
+"""Handling standard streams that are closed, full, or no longer read."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ _LOST = (errno.EPIPE, errno.ENOSPC, errno.EBADF, errno.EIO)
 
 
 class _Unlosable:
-    """Standard error, or nothing: what cannot be printed there must not end the work."""
+    """Standard error without errors: failing to print must not stop the work."""
 
     def __init__(self, stream: TextIO) -> None:
         self._stream = stream
@@ -31,9 +31,9 @@ class _Unlosable:
 
 
 def with_streams() -> None:
-    """Make sure that there are standard output and error, and that words to the latter never fail.
+    """Make sure that standard output and error exist, and that printing to the latter never fails.
 
-    A stream that was closed (`2>&-`) would be None, and its number given to the next file opened.
+    A closed stream (`2>&-`) would be None, and its descriptor would go to the next file opened.
     """
     for number, name in enumerate(("stdin", "stdout", "stderr")):
         if getattr(sys, name) is None:
@@ -48,13 +48,13 @@ def with_streams() -> None:
 
 
 def lost_output(error: OSError) -> int | None:
-    """The exit code where standard output was lost; None where the error is of something else.
+    """The exit code if standard output was lost; None if the error has another cause.
 
-    A reader that has seen enough (`| head`) is no failure of ours, 0; a full disk is 5.
+    A reader that stops early (`| head`) is not a failure, 0; a full disk is 5.
     """
     if error.errno not in _LOST or error.filename is not None:
         return None
-    with suppress(OSError, ValueError):  # else the interpreter would try again as it ends
+    with suppress(OSError, ValueError):  # otherwise the interpreter retries on exit
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     if error.errno == errno.EPIPE:
         return 0

@@ -1,4 +1,4 @@
-"""`itmo-video studio`: its flags, and what it prints."""
+"""The command `studio`."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ def add_studio(commands: Any) -> None:
     """Add the subcommand, with the settings' flags as `convert` has them."""
     parser = commands.add_parser(
         "studio",
-        help="find the look interactively, in the browser",
-        description="Open a clip in a page on this machine: scrub, compare, try settings for the "
-        "clip or for single shots, save them, render. Nothing leaves the machine. Ctrl-C ends it.",
+        help="find the look interactively in the browser",
+        description="Open a clip in a local web page: scrub, compare, try settings for the clip or "
+        "for single shots, save them, render. Nothing leaves this machine. Ctrl-C stops it.",
     )
     parser.add_argument("clip", metavar="CLIP", help="a clip, still or image sequence")
     add_options(parser, StudioOptions)
@@ -49,7 +49,7 @@ def _run(args: argparse.Namespace) -> int:
     document = Document(preset_of(args), said(args, Settings), run.analysis)
     try:
         serve(args.clip, document, options, run, on_ready)
-    except KeyboardInterrupt:  # its usual end
+    except KeyboardInterrupt:  # the usual way to stop it
         return _closed(0)
     except Terminated:
         return _closed(143)

@@ -1,4 +1,4 @@
-"""What a terminal is: its width, and whether it wants colour."""
+"""A terminal's width, and whether to use colour."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ _COLOURS = {"red": "\x1b[1;31m", "yellow": "\x1b[33m"}
 
 
 def has_colour(stream: TextIO) -> bool:
-    """Whether to colour what is printed there: terminals, without NO_COLOR and TERM=dumb."""
+    """Whether to use colour: on terminals, without NO_COLOR or TERM=dumb."""
     if os.environ.get("NO_COLOR") or os.environ.get("TERM") == "dumb":
         return False
     return stream.isatty()
 
 
 def named(message: object, stream: TextIO, colour: str) -> str:
-    """A message with the program's name before it, which alone is coloured."""
+    """A message prefixed with the program's name, which alone is coloured."""
     name = f"{PROGRAM}:"
     if has_colour(stream):
         name = f"{_COLOURS[colour]}{name}\x1b[0m"
@@ -25,7 +25,7 @@ def named(message: object, stream: TextIO, colour: str) -> str:
 
 
 def width_of(stream: TextIO) -> int:
-    """Columns of the terminal; 80 where it does not say."""
+    """The terminal's columns; 80 if unknown."""
     try:
         return os.get_terminal_size(stream.fileno()).columns or 80
     except (OSError, ValueError, AttributeError):

@@ -1,4 +1,4 @@
-"""`itmo-video variants`: its flags."""
+"""The command `variants`."""
 
 from __future__ import annotations
 
@@ -25,9 +25,9 @@ def add_variants(commands: Any) -> None:
     """Add the subcommand, with the settings' flags as `convert` has them."""
     parser = commands.add_parser(
         "variants",
-        help="make a contact sheet of presets, or of one setting's values",
-        description="Show one frame in variants side by side, tone-mapped for SDR monitors, as a "
-        "picture or as a page.",
+        help="write a contact sheet of presets, or of values of one setting",
+        description="Show variants of one frame side by side, tone-mapped for SDR monitors, as a "
+        "picture or an HTML page.",
         epilog=EXAMPLES,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )

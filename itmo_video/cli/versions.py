@@ -1,4 +1,4 @@
-"""What `--version` prints: this and what it runs with, as a bug report needs it."""
+"""The output of `--version`: all versions that a bug report needs."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ _MISSING = "is not installed"
 def versions() -> list[str]:
     """Lines of names and versions; the first is `itmo-video VERSION`.
 
-    Then Python, the packages that it cannot do without, FFmpeg as av carries it, and whether the
-    compiled kernels run.
+    Then Python, the required packages, the FFmpeg included in av, and whether the compiled kernels
+    are used.
     """
     lines = [
         f"itmo-video {version('itmo_video')}",
@@ -27,9 +27,9 @@ def versions() -> list[str]:
             continue
         name = re.split(r"[^\w.-]", requirement, maxsplit=1)[0]
         lines.append(f"{name} {_installed(name)}{_ffmpeg() if name == 'av' else ''}")
-    # Of several the one installed last has put its files over the others'.
+    # If several are installed, the last one has overwritten the files of the others.
     lines += [
-        f"warning: {name} {_installed(name)} is installed, too; pip uninstall it, then install"
+        f"warning: {name} {_installed(name)} is also installed; pip uninstall it, then install"
         " opencv-contrib-python-headless again"
         for name in _RIVALS
         if _installed(name) != _MISSING
@@ -48,5 +48,5 @@ def _ffmpeg() -> str:
     try:
         import av
     except ImportError as error:
-        return f", which does not load: {error}"
+        return f", which cannot be loaded: {error}"
     return f" with FFmpeg {av.ffmpeg_version_info}"

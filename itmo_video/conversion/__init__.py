@@ -1,1 +1,1 @@
-"""One clip to one folder of EXR files."""
+"""Converting one clip to one folder of EXR files."""

@@ -1,4 +1,4 @@
-"""What a conversion would do, and whether a folder holds what it would have made."""
+"""Describing what a conversion would do, and verifying a folder."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from itmo_video.words import counted
 def describe_plan(
     source: str | Path, output: str | Path, settings: Settings, run: RunOptions
 ) -> str:
-    """What a conversion would do, in a few lines; raises what `convert` would, writes nothing."""
+    """Describe a conversion in a few lines; raises what `convert` raises, writes nothing."""
     with open_clip(source, input_options(settings, run.max_pixels)) as clip:
         plan = make_plan(clip, make_look(settings), run)
     folder = OutputFolder(output, plan.clip.stem)
@@ -34,14 +34,14 @@ def describe_plan(
     keys = counted(len(keys_on_grid(plan)), "keyframe")
     lines = [
         f"{frames} ({format_ranges(plan.numbers)}) of {width}x{height}, "
-        f"{len(plan.numbers) - len(todo)} of them there already",
-        f"{keys} on the grid of {plan.settings.key_reach}, and two more at each cut",
+        f"{len(plan.numbers) - len(todo)} of them already present",
+        f"{keys} at an interval of {plan.settings.key_reach}, and two more at each cut",
         f"at most {plan.memory_bytes / 1e6:.0f} MB of memory with {plan.jobs} jobs",
-        f"about {disk_space.in_words(needed)} on the disk, "
-        f"{disk_space.in_words(disk_space.free_bytes(folder.path))} are free",
+        f"about {disk_space.in_words(needed)} of disk space, "
+        f"{disk_space.in_words(disk_space.free_bytes(folder.path))} free",
     ]
     if plan.shots:
-        lines.append(f"{counted(len(plan.shots), 'shot')} with settings of their own")
+        lines.append(f"{counted(len(plan.shots), 'shot')} with their own settings")
     if not run.null and (short := _shortage(plan, folder, len(todo))):
         lines.append(f"warning: {short}")
     return "\n".join(lines)
@@ -50,7 +50,7 @@ def describe_plan(
 def verify(
     source: str | Path, output: str | Path, settings: Settings, run: RunOptions
 ) -> list[tuple[Path, str]]:
-    """Check a folder against what a conversion would have made; (path, problem) for each fault."""
+    """Check a folder against a planned conversion; (path, problem) for each fault."""
     with open_clip(source, input_options(settings, run.max_pixels)) as clip:
         plan = make_plan(clip, make_look(settings), run)
     folder = OutputFolder(output, plan.clip.stem)

@@ -1,4 +1,4 @@
-"""One clip to one folder of EXR files: claim the folder, render what is missing, report."""
+"""Converting a clip: claim the folder, render missing frames, report."""
 
 from __future__ import annotations
 
@@ -32,14 +32,14 @@ from itmo_video.source.opening import Clip, input_options, open_clip
 from itmo_video.source.pipe import is_pipe
 from itmo_video.words import counted, missing
 
-_HARDLY = 1.15  # times SDR white: codes above white reach that by themselves
+_HARDLY = 1.15  # times SDR white, which codes above white reach anyway
 
 
 @dataclass
 class Summary:
-    """What a conversion did: numbers of frames, of files; `missing` and `damaged` name them.
+    """The result of a conversion: counts, and the numbers of `missing` and `damaged` frames.
 
-    `peak_nits` is the brightest channel of what was written, None where nothing was.
+    `peak_nits` is the brightest channel written, None if nothing was written.
 
     >>> from itmo_video import convert
     >>> once, again = convert("clip.mkv", "out"), convert("clip.mkv", "out")
@@ -58,7 +58,7 @@ class Summary:
 
 
 class ToMake(NamedTuple):
-    """The frames still to be made, index by number, and the numbers of those to be left alone.
+    """The frames still to be rendered, index by number, and the numbers of frames to be kept.
 
     `others` were made with other settings, `concealed` from damaged frames of the source.
     """
@@ -70,7 +70,7 @@ class ToMake(NamedTuple):
 
 @dataclass(frozen=True)
 class Job:
-    """An open clip, what is to become of it, and the frames still to be made, index by number."""
+    """An open clip, its plan, and the frames still to be rendered, index by number."""
 
     clip: Clip
     plan: Plan
@@ -79,7 +79,7 @@ class Job:
     todo: Mapping[int, int]
 
 
-# A way to make a job's frames: fills the summary, returns what cut the source short.
+# A function that renders a job's frames, fills in the summary and returns any early end.
 Executor = Callable[[Job, Summary, OnEvent], list[DamagedInputError]]
 
 
@@ -91,13 +91,13 @@ def convert(
     on_event: OnEvent = ignore,
     executor: Executor | None = None,
 ) -> Summary:
-    """Convert a clip to an EXR sequence OUTPUT/<stem>.%04d.exr; what is there already stays.
+    """Convert a clip to an EXR sequence OUTPUT/<stem>.%04d.exr; intact frames are kept.
 
-    `settings` may be a preset's name; without them it is by `default`. `on_event` is told
-    Started, FrameDone, Warned and Finished (itmo_video.events); frames come from worker threads,
-    one at a time. `executor` renders elsewhere than here. Raises the errors of itmo_video.errors;
-    DamagedInputError only after all that decodes was written, OutputError for single frames of
-    other settings only after all else was.
+    `settings` may be a preset's name, by default `default`. `on_event` is called with Started,
+    FrameDone, Warned and Finished (itmo_video.events), from worker threads, one at a time.
+    `executor` renders elsewhere. Raises the errors of itmo_video.errors; DamagedInputError only
+    after all decodable frames were written, OutputError for single frames with other settings only
+    after all others were.
 
     >>> from itmo_video import RunOptions, convert, make_settings
     >>> settings = make_settings("default", peak_nits=600, layers=["expand_map"])
@@ -112,7 +112,7 @@ def convert(
         from itmo_video.conversion.from_pipe import convert_pipe  # it needs this module's names
 
         if executor is not None:
-            raise UsageError("a pipe is not shared out", remedy="Convert the file itself.")
+            raise UsageError("a pipe cannot be distributed", remedy="Convert the file itself.")
         return convert_pipe(source, output, settings, run, on_event)
     began = time.monotonic()
     with open_clip(source, input_options(settings, run.max_pixels)) as clip:
@@ -161,7 +161,7 @@ def frames_to_make(plan: Plan, folder: OutputFolder, run: RunOptions) -> ToMake:
 
 
 def render_job(job: Job, summary: Summary, on_event: OnEvent) -> list[DamagedInputError]:
-    """Render a job's frames in this process's threads and write each, whole or not at all."""
+    """Render a job's frames in threads of this process and write each atomically."""
     plan, run = job.plan, job.run
     by_index = {index: number for number, index in job.todo.items()}
     lock = threading.Lock()
@@ -196,30 +196,30 @@ def render_job(job: Job, summary: Summary, on_event: OnEvent) -> list[DamagedInp
 
 
 def nothing_expanded(plan: Plan, summary: Summary) -> str | None:
-    """What is said where `auto` left everything as it was; None where it did not."""
+    """A notice if `auto` left everything unchanged, otherwise None."""
     settings, peak = plan.settings, summary.peak_nits
     if settings.operator != "auto" or settings.strength == 0 or settings.footage != "auto":
         return None
     if peak is None or peak > _HARDLY * settings.white_nits:
         return None
     return (
-        "hardly anything was expanded: it looks neither clipped nor tone-mapped (itmo-video info "
-        "says how it was rendered); --footage tone-mapped or --preset paper expands it nevertheless"
+        "hardly anything was expanded: the footage looks neither clipped nor tone-mapped (see "
+        "itmo-video info); --footage tone-mapped or --preset paper expands it anyway"
     )
 
 
 def peak_of(rgb: Sequence[Half]) -> float:
-    """The largest of all values; 0 at least."""
-    # Bits of halves above 0 sort as whole numbers do, and NumPy has no quick maximum of halves.
+    """The largest of all values, at least 0."""
+    # Positive half floats sort like their bits as integers; NumPy's maximum of halves is slow.
     bits = max(int(plane.view(np.int16).max()) for plane in rgb)
     return float(np.int16(max(0, bits)).view(np.float16))
 
 
 def _other_settings(numbers: Sequence[int], folder: OutputFolder) -> OutputError:
     return OutputError(
-        f"frames {format_ranges(numbers)} were made with other settings",
+        f"frames {format_ranges(numbers)} were rendered with other settings",
         where=str(folder.path),
-        remedy="--update re-renders them; or choose another folder.",
+        remedy="Use --update to re-render them, or choose another folder.",
     )
 
 
@@ -244,7 +244,7 @@ def _damage(
     return DamagedInputError(
         "; ".join(told),
         where=plan.clip.path,
-        remedy=f"All that decodes was converted: {made}.",
+        remedy=f"Everything else was converted: {made}.",
     )
 
 

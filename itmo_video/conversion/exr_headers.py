@@ -35,7 +35,7 @@ def exr_header(plan: Plan, number: int, frame: Frame) -> exr.ExrHeader:
         interop_id=INTEROP_IDS[settings.primaries],
         owner=settings.owner,
         comments=settings.comments,
-        # SMPTE ST 2065-4 wants AP0, uncompressed half, and nothing but the picture.
+        # SMPTE ST 2065-4 requires AP0, uncompressed half floats, and no other channels.
         is_aces_container=settings.primaries == "aces2065-1"
         and settings.compression == "none"
         and not settings.layers,
@@ -44,10 +44,10 @@ def exr_header(plan: Plan, number: int, frame: Frame) -> exr.ExrHeader:
 
 
 def frame_timecode(settings: Settings, info: ClipInfo, index: int, number: int) -> str | None:
-    """A frame's timecode: as the settings ask, else the source's own, counted on; None for none.
+    """A frame's timecode: from the settings, or counted from the source's; None without one.
 
-    None for all of a clip whose rate EXR's timeCode cannot count. `auto` gives a source without
-    timecode its frame numbers, counted from 00:00:00:00.
+    None if EXR's timeCode cannot represent the frame rate. For a source without timecode, `auto`
+    counts frame numbers from 00:00:00:00.
     """
     if not timecode.fits(info.frame_rate):
         return None

@@ -12,7 +12,7 @@ _MOST_FRAMES = 10_000_000
 
 
 def parse_ranges(text: str) -> list[int]:
-    """Frame numbers of a range, sorted, each once; raises UsageError for anything else.
+    """The frame numbers of a range, sorted and unique; raises UsageError for anything else.
 
     `a-b` is inclusive; `xN` takes every Nth from a, `yN` all but those, `:N` all (staggered).
     """

@@ -1,4 +1,4 @@
-"""A stream that is read only once to one folder of EXR files, made as its frames come."""
+"""Converting a stream that can be read only once, frame by frame as it arrives."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ from itmo_video.source.opening import input_options
 from itmo_video.source.pipe import PipeClip
 from itmo_video.words import frames_are
 
-ENDLESS = range(2**40)  # indices of a stream: more than any has
+ENDLESS = range(2**40)  # indices of a stream, more than any has
 
 
 @dataclass(frozen=True)
 class NumbersFrom(Mapping[int, int]):
-    """File numbers to indices, for as many frames as may come."""
+    """File numbers to indices, for any number of frames."""
 
     first: int
 
@@ -54,9 +54,9 @@ def first_number(run: RunOptions) -> int:
 
 
 def pipe_plan(clip: PipeClip, look: Look, run: RunOptions) -> Plan:
-    """The plan of a stream whose length is not known; raises UsageError for what cannot be."""
+    """The plan for a stream of unknown length; raises UsageError for unsupported options."""
     if run.analysis is not None:
-        raise UsageError("a pipe has no analysis", remedy="Convert the file itself.")
+        raise UsageError("--analysis cannot be used with a pipe", remedy="Convert the file itself.")
     info = clip.info
     jobs = run.jobs or spans.default_jobs()
     wide = 1 if info.encoding.bit_depth == 8 else 2
@@ -68,14 +68,14 @@ def pipe_plan(clip: PipeClip, look: Look, run: RunOptions) -> Plan:
 
 
 def wanted_indices(run: RunOptions) -> range | list[int]:
-    """The indices that a run asks for, sorted; all that come where it names none."""
+    """The indices that a run selects, sorted; all if it names none."""
     if run.frames is None:
         return ENDLESS
     numbers = parse_ranges(run.frames)
     if before := [n for n in numbers if n < first_number(run)]:
         raise UsageError(
             f"{frames_are(format_ranges(before))} not in the stream",
-            remedy=f"Its first frame is number {first_number(run)}.",
+            remedy=f"The first frame is number {first_number(run)}.",
         )
     return sorted(n - first_number(run) for n in numbers)
 
@@ -83,10 +83,10 @@ def wanted_indices(run: RunOptions) -> range | list[int]:
 def convert_pipe(
     source: str | Path, output: str | Path, settings: Settings, run: RunOptions, on_event: OnEvent
 ) -> Summary:
-    """Convert what comes through a pipe; `convert` says the rest.
+    """Convert a piped stream; see `convert`.
 
-    All frames are made anew, as it cannot be known beforehand whether the stream is the one that
-    made those in the folder: raises OutputError where there are some, unless the run overwrites.
+    All frames are rendered, as it is not known beforehand whether existing frames came from the
+    same stream: raises OutputError if there are any, unless the run overwrites.
     """
     began = time.monotonic()
     _check_run(run)
@@ -100,9 +100,9 @@ def convert_pipe(
         if not run.null:
             if not run.overwrite and folder.path.is_dir() and folder.frame_numbers():
                 raise OutputError(
-                    "the folder has frames already, and a pipe cannot be resumed",
+                    "the folder already has frames, and a pipe cannot be resumed",
                     where=str(output),
-                    remedy="--overwrite re-renders all of them; or choose another folder.",
+                    remedy="Use --overwrite to re-render all of them, or choose another folder.",
                 )
             folder.claim(plan.manifest, overwrite=run.overwrite, update=False)
             folder.sweep_temp_files()
@@ -126,26 +126,26 @@ def convert_pipe(
         raise DamagedInputError(
             "; ".join(told),
             where=plan.clip.path,
-            remedy=f"All that decodes was converted: {summary.written} frames.",
+            remedy=f"Everything else was converted: {summary.written} frames.",
         )
     return summary
 
 
 def pipe_damage(clip: PipeClip, run: RunOptions, missing: Sequence[int] = ()) -> list[str]:
-    """What was wrong with a stream that has been read; `missing` are numbers that never came."""
+    """Damage of a stream that has been read; `missing` are numbers that never arrived."""
     lost = [index + first_number(run) for index in clip.lost]
     told = [clip.broken] if clip.broken else []
     if run.frames is None and lost:
         told.append(f"frames {format_ranges(lost)} could not be decoded")
     if missing:
-        told.append(f"frames {format_ranges(missing)} did not come")
+        told.append(f"frames {format_ranges(missing)} did not arrive")
     return told
 
 
 def _check_run(run: RunOptions) -> None:
     if run.update:
         raise UsageError(
-            "a pipe cannot be resumed, all frames are rendered", remedy="Omit --update."
+            "a pipe cannot be resumed: all frames are rendered", remedy="Omit --update."
         )
 
 
@@ -158,7 +158,7 @@ def _render(
     summary: Summary,
     on_event: OnEvent,
 ) -> set[int]:
-    """Render and write the frames; the numbers of those made where some were asked for."""
+    """Render and write the frames; returns the numbers rendered, if only some were selected."""
     lock, made = threading.Lock(), set[int]()
 
     def sink(frame: Frame, rendered: Rendered) -> None:

@@ -1,4 +1,4 @@
-"""What a conversion would do: frames by number, settings by shot, fingerprints."""
+"""The plan of a conversion: frames by number, settings by shot, fingerprints."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ ALGORITHM = 9  # raise it whenever the same settings give other pixels
 
 @dataclass(frozen=True)
 class ShotLook:
-    """Frames `first` to `last` (indices, inclusive) that have settings of their own."""
+    """Frames `first` to `last` (indices, inclusive) with their own settings."""
 
     first: int
     last: int
@@ -41,10 +41,10 @@ class ShotLook:
 
 @dataclass(frozen=True)
 class Plan:
-    """What a conversion would do: frames by number, and the folder and fingerprints they go by.
+    """The plan of a conversion: frames by number, the folder's manifest, and fingerprints.
 
-    `shots` are sorted and apart from each other; frames in none of them follow `look`. `notices` is
-    what should be reported before.
+    `shots` are sorted and do not overlap; frames outside of them use `look`. `notices` should be
+    reported first.
 
     >>> from itmo_video import RunOptions, Settings, open_clip
     >>> from itmo_video.conversion.plan import make_plan
@@ -62,16 +62,16 @@ class Plan:
     jobs: int
     shots: tuple[ShotLook, ...] = ()
     notices: tuple[str, ...] = ()
-    source_frames: int | None = None  # of a pipe it is not known
+    source_frames: int | None = None  # None for a pipe
 
     @property
     def looks(self) -> tuple[Look, ...]:
-        """All looks that frames may be made with."""
+        """All looks that frames may have."""
         return self.look, *(shot.look for shot in self.shots)
 
     @property
     def settings(self) -> Settings:
-        """The settings of frames that no shot of an analysis changes."""
+        """The settings of frames outside of shots with their own."""
         return self.look.settings
 
     def look_at(self, index: int) -> Look:
@@ -80,12 +80,12 @@ class Plan:
         return self.shots[at].look if at >= 0 and index <= self.shots[at].last else self.look
 
     def fingerprint(self, number: int) -> str:
-        """What a frame's pixels depend on: settings, source content, index, algorithm."""
+        """The fingerprint of everything a frame depends on: settings, source, index, algorithm."""
         index = self.numbers[number]
         return fingerprint(self._settings_texts[id(self.look_at(index))], index)
 
     def form(self, number: int) -> FrameForm:
-        """What a frame's file looks like beside its pixels."""
+        """The properties of a frame's file apart from pixels."""
         settings = self.look_at(self.numbers[number]).settings
         alpha = "A" if self.clip.encoding.has_alpha else ""
         layers = (f"{name}.Y" for name in settings.layers)
@@ -95,7 +95,7 @@ class Plan:
 
     @property
     def manifest(self) -> Manifest:
-        """Whose the output folder is."""
+        """The manifest of the output folder."""
         settings = {**self.settings.as_dict(), "first_number": self.first_number}
         settings |= {"algorithm": ALGORITHM, "arithmetic": arithmetic()}
         if versions := {name: told for name in self._operators if (told := version_of(name))}:
@@ -112,7 +112,7 @@ class Plan:
 
     @property
     def estimated_frame_bytes(self) -> int:
-        """Roughly the bytes of one file."""
+        """The approximate size of one file in bytes."""
         width, height = self.clip.display_size
         return disk_space.estimated_frame_bytes(
             width, height, self.clip.encoding.has_alpha, self.settings
@@ -142,7 +142,7 @@ class Plan:
 
 
 def make_plan(clip: Clip, look: Look, run: RunOptions) -> Plan:
-    """Resolve ranges, numbers and shots; raises UsageError where they do not fit the clip."""
+    """Resolve ranges, numbers and shots; raises UsageError if they do not fit the clip."""
     info = clip.info
     first = first_number(info, run.start_number)
     numbers = {first + index: index for index in range(info.frames)}
@@ -169,7 +169,7 @@ def make_plan(clip: Clip, look: Look, run: RunOptions) -> Plan:
 
 
 def _left_out(numbers: Mapping[int, int], first: int, analysis: Analysis | None) -> list[str]:
-    """A word about the frames that no shot of an analysis speaks of."""
+    """A notice about frames that are in no shot of an analysis."""
     if analysis is None:
         return []
     offset = first - analysis.first_number
@@ -177,15 +177,15 @@ def _left_out(numbers: Mapping[int, int], first: int, analysis: Analysis | None)
     if not (alone := sorted(set(numbers) - listed)):
         return []
     told = f"frames {format_ranges(alone)} are in no shot of {analysis.where or 'the analysis'}"
-    return [f"{told}: they are made as the rest of the clip"]
+    return [f"{told}: they use the settings of the clip"]
 
 
 def _no_timecode(info: ClipInfo) -> list[str]:
     if info.timecode is None or timecode.fits(info.frame_rate):
         return []
     return [
-        f"its timecode {info.timecode} is left out of all frames: EXR's timeCode counts 30 frames "
-        "a second at most"
+        f"timecode {info.timecode} is not written: EXR's timeCode supports at most 30 frames "
+        "per second"
     ]
 
 
@@ -195,20 +195,20 @@ def _check_timecode(info: ClipInfo, settings: Settings) -> None:
         return
     if base > 30:
         raise UsageError(
-            f"EXR's timeCode counts 30 frames a second at most, the clip has {info.frame_rate}",
+            f"EXR's timeCode supports at most 30 fps, but the clip has {info.frame_rate}",
             where=info.path,
             remedy="Omit --timecode.",
         )
     if code != "auto" and int(code[-2:]) >= base:
-        raise UsageError(f"timecode {code}: at {base} fps there is no frame {code[-2:]}")
+        raise UsageError(f"timecode {code} is invalid: at {base} fps there is no frame {code[-2:]}")
     if code != "auto" and code[-3] == ";" and base != 30:
-        raise UsageError(f"drop-frame timecode is for 29.97 fps, the clip has {info.frame_rate}")
+        raise UsageError(f"drop-frame timecode needs 29.97 fps, but the clip has {info.frame_rate}")
 
 
 def shot_looks(info: ClipInfo, base: Settings, analysis: Analysis | None) -> tuple[ShotLook, ...]:
-    """The shots of an analysis that change something, by index, with their effective settings.
+    """The shots of an analysis with their own settings, by index.
 
-    Raises UsageError where the analysis is another clip's or a shot's values are out of bounds.
+    Raises UsageError if the analysis belongs to another clip or a shot's values are invalid.
     """
     if analysis is None:
         return ()
@@ -220,7 +220,7 @@ def shot_looks(info: ClipInfo, base: Settings, analysis: Analysis | None) -> tup
         )
     if analysis.frames != info.frames:
         raise UsageError(
-            f"the analysis counts {analysis.frames} frames, this conversion {info.frames}",
+            f"the analysis has {analysis.frames} frames, this conversion has {info.frames}",
             where=analysis.where,
             remedy="Analyse with the same --fps.",
         )
@@ -241,7 +241,7 @@ def shot_looks(info: ClipInfo, base: Settings, analysis: Analysis | None) -> tup
 
 
 def keys_on_grid(plan: Plan) -> Sequence[int]:
-    """Indices of the keyframes on the absolute grid that the planned frames stand behind."""
+    """Indices of the regular keyframes that precede the planned frames."""
     interval = plan.settings.key_reach
     return sorted({i - i % interval for i in plan.numbers.values()})
 

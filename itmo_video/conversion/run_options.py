@@ -1,4 +1,4 @@
-"""How a conversion is run: the options of `convert` that change no pixel, and its list of shots."""
+"""The options of `convert` that do not change pixels, and its shot list."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from itmo_video.options import check_options, option
 
 @dataclass(frozen=True)
 class RunOptions:
-    """How a conversion is run; nothing of it but `analysis` changes a frame's bytes.
+    """How a conversion is run; only `analysis` affects the frames' content.
 
-    The shots of `analysis` give their frames a look of their own, or switch the expansion off.
-    Validated when made; raises UsageError.
+    The shots of `analysis` give their frames their own look, or disable the expansion. Validated on
+    creation; raises UsageError.
 
     >>> from itmo_video import RunOptions
     >>> RunOptions(frames="1-100", jobs=2).max_pixels
@@ -22,17 +22,17 @@ class RunOptions:
     """
 
     frames: str | None = option(
-        None, str, "frames to render, numbered as the files: 1-100,200-300x2", metavar="RANGES"
+        None, str, "frames to render, as in file names: 1-100,200-300x2", metavar="RANGES"
     )
     start_number: int | None = option(
         None,
         int,
-        "number of the first frame (1; image sequences keep their own)",
+        "number of the first frame (default: 1; image sequences keep their own)",
         lower=0,
         metavar="N",
     )
     jobs: int | None = option(
-        None, int, "worker threads (the cores)", lower=1, upper=4096, metavar="N"
+        None, int, "worker threads (default: one per core)", lower=1, upper=4096, metavar="N"
     )
     overwrite: bool = option(
         False, bool, "overwrite existing output; re-render all frames of a folder"

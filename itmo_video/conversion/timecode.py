@@ -1,4 +1,4 @@
-"""SMPTE 12M timecodes, counted on by frames."""
+"""SMPTE 12M timecodes, counted in frames."""
 
 from __future__ import annotations
 
@@ -7,15 +7,15 @@ from fractions import Fraction
 
 
 def fits(rate: Fraction) -> bool:
-    """Whether EXR's timeCode can count frames at a rate: SMPTE 12M's fields end at 30 a second."""
+    """Whether EXR's timeCode supports a frame rate: SMPTE 12M's fields end at 30 fps."""
     return round(rate) <= 30
 
 
 def advance(start: str, frames: int, rate: Fraction) -> str | None:
     """The timecode `frames` frames after `start`, or None if that is not a timecode.
 
-    "HH:MM:SS:FF", or with ";" before FF for drop frame, which leaves out the first numbers of each
-    minute but every tenth (SMPTE 12M-1, 8.1.2). Wraps after 24 hours.
+    "HH:MM:SS:FF", or with ";" before FF for drop frame, which skips the first numbers of each
+    minute except every tenth (SMPTE 12M-1, 8.1.2). Wraps after 24 hours.
     """
     match = re.fullmatch(r"(\d\d):(\d\d):(\d\d)([:;.])(\d\d)", start)
     if match is None:
@@ -29,7 +29,7 @@ def advance(start: str, frames: int, rate: Fraction) -> str | None:
     per_ten = 600 * base - 9 * dropped
     count = (count + frames) % (144 * per_ten)
     tens, rest = divmod(count, per_ten)
-    # Within ten minutes the first minute is whole, the nine others are short by what is dropped.
+    # In each ten minutes the first minute is complete; the other nine lack the dropped numbers.
     lost = 0 if rest < 60 * base else 1 + (rest - 60 * base) // (60 * base - dropped)
     number = tens * 600 * base + rest + dropped * lost
     frame = number % base

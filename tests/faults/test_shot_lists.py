@@ -38,7 +38,7 @@ def test_a_mistake_is_wrong_usage_wherever_it_is(
         (shot, f'{shot}, "l_max": 3, "l-max": 4', "l_max is given twice"),
         (shot, f'{shot}, "l_max": 3, "l_max": 4', "'l_max' is given twice"),
         (shot, f'{shot}, "lamps": 1, "colour": 1', "unknown colour"),
-        (shot, f'{shot}, "l_max": 3, "peak_nits": 4', "exclude each other"),
+        (shot, f'{shot}, "l_max": 3, "peak_nits": 4', "cannot be combined"),
         (shot, f'{shot}, "peak_nits": 100', "peak-nits 100 is below white-nits"),
         (shot, f'{shot}, "compression": "zip"', "compression"),
         ('"frames": 40', '"frames": 39', "goes beyond"),

@@ -124,7 +124,7 @@ def test_a_rate_of_a_thousand_million_digits() -> None:
 def test_at_most_so_many_bytes(tmp_path: Path) -> None:
     (tmp_path / "f").write_bytes(b"12345")
     assert read_regular(tmp_path / "f", 5) == b"12345"
-    with pytest.raises(InputError, match="more than the 4"):
+    with pytest.raises(InputError, match="more than the limit of 4"):
         read_regular(tmp_path / "f", 4)
 
 

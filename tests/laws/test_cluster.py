@@ -323,7 +323,7 @@ def test_certificates_are_checked_before_the_work(
         (["--scheduler", "tls://127.0.0.1:8786"], "needs certificates"),
         (["--scheduler", "tls://127.0.0.1:8786", *files], "cannot be used"),
         (["--scheduler", "tcp://127.0.0.1:8786", *files], "for an encrypted scheduler"),
-        (files, "for a scheduler"),
+        (files, "need a scheduler"),
     ):
         assert main([*line, *more]) == 2
         assert told in capsys.readouterr().err

@@ -38,7 +38,9 @@ def test_three_of_200(tmp_path: Path) -> None:
     assert failed.value.exit_code == 7
     assert all(frame(n).name in str(failed.value) for n in (20, 99, 150))
 
-    with pytest.raises(OutputError, match="frames 150 were made with other settings") as refused:
+    with pytest.raises(
+        OutputError, match="frames 150 were rendered with other settings"
+    ) as refused:
         convert(clip, out, SETTINGS)
     assert "--update" in str(refused.value)
     assert [path for path, _ in checking.verify(clip, out, SETTINGS, RUN)] == [frame(150)]
