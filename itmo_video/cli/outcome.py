@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import sys
 import traceback
 from collections.abc import Sequence
@@ -14,6 +15,14 @@ from itmo_video.errors import ItmoError
 
 class Terminated(BaseException):
     """SIGTERM was received."""
+
+
+# How OpenCV, the C and C++ libraries, the loader and Python's threads report a lack of memory.
+_OF_MEMORY = re.compile(
+    r"insufficient memory|bad_alloc|cannot allocate memory|failed to map segment|"
+    r"can't start new thread",
+    re.IGNORECASE,
+)
 
 
 def reported(error: ItmoError, log: LogFile | None = None) -> int:
@@ -55,7 +64,7 @@ def out_of_memory() -> int:
 
 def unexpected(error: Exception) -> int:
     """Report a bug; returns the exit code."""
-    if type(error).__name__ == "error" and "Insufficient memory" in str(error):  # OpenCV's
+    if _OF_MEMORY.search(str(error)):
         return out_of_memory()
     debug()
     print(

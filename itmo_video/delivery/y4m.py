@@ -89,7 +89,11 @@ class Y4mWriter:
                 import fcntl
 
                 fcntl.fcntl(self._file.fileno(), fcntl.F_SETPIPE_SZ, _PIPE_BYTES)
-        self._put(spec.header())
+        try:
+            self._put(spec.header())
+        except BaseException:
+            self.close()
+            raise
 
     def __enter__(self) -> Y4mWriter:
         return self

@@ -123,6 +123,8 @@ def kills(place: Place, command: str, count: int, seed: int, told: Counter[str])
         parts = [name for name in there if not name.endswith(".tmp") and there[name] != whole[name]]
         if parts:
             yield f"{command} {number}: {parts} bear their names"
+        if output.is_file():  # whole: nothing is written over unasked
+            remove(output)
         place.whole(*line)
         if content(output) != whole:
             yield f"{command} {number}: other bytes"
