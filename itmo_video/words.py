@@ -15,7 +15,7 @@ def cut(text: str, most: int = 300) -> str:
 
 def to_install(extra: str) -> str:
     """How to install an extra: from the source, as the package is not on an index."""
-    return f"Install itmo_video[{extra}] from its source folder: pip install '.[{extra}]'"
+    return f"Run in the source folder of itmo_video: pip install '.[{extra}]'"
 
 
 def frames_are(ranges: str) -> str:

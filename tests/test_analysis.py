@@ -354,9 +354,9 @@ def test_at_the_command_line(clip: Path, tmp_path: Path) -> None:
     assert (done.returncode, "shot 1-17: strength" in done.stderr) == (2, True), done.stderr
 
 
-def _suggested(clipped: float, p50: float) -> dict[str, Any]:
+def _suggested(clipped: float, p50: float, settings: Settings) -> dict[str, Any]:
     statistics = Statistics(0.3, 0.0, p50, 0.9, 1.0, 1.0, clipped, 0.01)
-    found = suggestions(ClipInfo(**CLIP_FACTS), statistics)
+    found = suggestions(ClipInfo(**CLIP_FACTS), statistics, settings)
     assert all(s.reason for s in found)
     make_settings("default", **{s.setting: s.value for s in found})  # raises out of bounds
     return {s.setting: s.value for s in found}
@@ -376,7 +376,11 @@ def _suggested(clipped: float, p50: float) -> dict[str, Any]:
 def test_what_the_statistics_suggest(
     clipped: float, p50: float, expected: dict[str, float]
 ) -> None:
-    assert _suggested(clipped, p50) == expected
+    maps = {"operator": "banterle2006", "radius": 12.0, "min_lights": 2}
+    assert _suggested(clipped, p50, make_settings("default", **maps)) == expected
+    has_them = make_settings("default", **{**maps, **expected})
+    assert _suggested(clipped, p50, has_them) == {}, "suggested what is set already"
+    assert _suggested(clipped, p50, make_settings("default")) == {}, "another operator's"
 
 
 CLIP_FACTS: dict[str, Any] = {

@@ -200,7 +200,7 @@ def test_a_result_is_a_mapping_and_says_what_is_not_there(tmp_path: Path) -> Non
     assert (len(result), 2 in result, 4 in result, result.size) == (3, True, False, (96, 64))
     assert result.settings.peak_nits == 600
     assert result.shots == ()
-    with pytest.raises(KeyError):
+    with pytest.raises(KeyError, match="frame 4 is not in the folder: it has 1-3"):
         result[4]
     (tmp_path / "out" / "clip.0002.exr").write_bytes(b"not whole")
     with pytest.raises(InputError, match="not an intact EXR file"):

@@ -159,7 +159,7 @@ def test_without_the_extra_it_is_told(
     monkeypatch.setitem(sys.modules, "opentimelineio", None)
     with pytest.raises(UsageError, match="opentimelineio") as caught:
         edit_of(found, info, ".otio")
-    assert "itmo_video[otio]" in str(caught.value)
+    assert "pip install '.[otio]'" in str(caught.value)
     assert edit_lists.is_edit_list("A.EDL")
 
 

@@ -8,6 +8,7 @@ import weakref
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 import pytest
 from clips import moving_scene, write_ffv1
@@ -156,3 +157,21 @@ def test_name_and_value() -> None:
     for text in ("a", "a=", "a=b"):
         with pytest.raises(UsageError, match="flag: "):
             named_number("flag", text)
+
+
+def test_known_motion_is_in_the_clips_pixels(tmp_path: Path) -> None:
+    noise = np.random.default_rng(0).random((96, 300)).astype(np.float32)
+    wide = cv2.GaussianBlur(noise, (0, 0), 8)
+    codes = np.uint8(255 * (wide - wide.min()) / np.ptp(wide))[..., None].repeat(3, axis=2)
+    clip = write_ffv1(tmp_path / "pan.mkv", [codes[:, 8 * n : 8 * n + 192] for n in range(4)])
+    settings = make_settings("paper", expand_map=False, map_width=48)
+    convert(clip, tmp_path / "out", settings)
+    flickers = []
+    for step in (8, 0, 32):  # as it moved; not at all; as many pixels of the analysis size
+        file = tmp_path / f"{step}.json"
+        file.write_text(json.dumps({"origins": [[step * n, 0] for n in range(4)], "more": 1}))
+        origins = sequence.read_origins(file)
+        shots = sequence.flicker_by_shot(tmp_path / "out", clip, origins)
+        flickers.append(sequence.over_shots(shots)["gain_flicker"])
+    right, still, far = flickers
+    assert right < 0.2 * min(still, far)

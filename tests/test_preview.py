@@ -120,6 +120,19 @@ def test_film_is_tagged_measured_and_shows_the_exrs_nits(
     assert peak_is == pytest.approx(peak_should, rel=0.05), "the peak is not where it was"
 
 
+def test_ffprobe_sees_chroma_sited_left(clip: Path, tmp_path: Path) -> None:
+    if shutil.which("ffprobe") is None:
+        pytest.skip("ffprobe is not installed")
+    films = {"a.mp4": "hdr10", "a.mkv": "sdr", "b.mp4": "hlg", "still.avif": "hdr10"}
+    for name, view in films.items():
+        path = tmp_path / name
+        one = ["--frame", "2"] if path.suffix == ".avif" else ["--frames", "2-3"]
+        assert main(["preview", "--quiet", str(clip), str(path), "--as", view, *one]) == 0
+        command = ["ffprobe", "-v", "error", "-show_streams", "-of", "json", str(path)]
+        told = json.loads(subprocess.run(command, capture_output=True, check=True).stdout)
+        assert told["streams"][0]["chroma_location"] == "left", name
+
+
 def told_by_stream(film: Path) -> dict[str, Any]:
     with av.open(str(film)) as box:
         stream = box.streams.video[0]

@@ -127,7 +127,7 @@ def test_without_mitsuba_it_says_what_to_install(
     assert code == 2
     told = capsys.readouterr().err
     assert "needs Mitsuba" in told
-    assert "itmo_video[ibl]" in told
+    assert "pip install '.[ibl]'" in told
     assert "Traceback" not in told
 
 

@@ -127,7 +127,7 @@ def test_missing_template_engine_is_told(
 ) -> None:
     monkeypatch.setitem(sys.modules, "jinja2", None)
     assert main(["report", str(folder), "--quiet"]) == 2
-    assert "itmo_video[report]" in capsys.readouterr().err
+    assert "pip install '.[report]'" in capsys.readouterr().err
 
 
 def test_too_many_pictures_are_thinned_evenly() -> None:

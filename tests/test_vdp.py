@@ -125,7 +125,7 @@ def test_without_the_extra_it_says_what_to_install(
     assert main(command) == 0, "the other figures need no extra"
     capsys.readouterr()
     assert main([*command, "--vdp"]) == 2
-    assert "itmo_video[vdp]" in capsys.readouterr().err
+    assert "pip install '.[vdp]'" in capsys.readouterr().err
     assert main([*command, "--heat-map", "x.png"]) == 2
     assert main(["evaluate", str(tmp_path / "a"), "--source", str(clip), "--vdp"]) == 2
 

@@ -52,6 +52,20 @@ def test_one_frame_is_made(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -
     assert told.count("assumed") == 1, "one notice a clip for all that was assumed"
 
 
+def test_a_flat_picture_for_lighting_is_asked_whether_it_is_a_panorama(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    clip = str(write_ffv1(tmp_path / "a.mkv", moving_scene(1, width=128, height=64)))
+    for flags, told in (
+        (["--preset", "ibl"], True),
+        (["--preset", "ibl", "--projection", "latlong"], False),
+        ([], False),
+    ):
+        assert main(["convert", clip, str(tmp_path / "out"), "--null", *flags]) == 0
+        said = "".join(capsys.readouterr())
+        assert ("add --projection latlong" in said) == told, flags
+
+
 def test_no_flag_is_called_after_its_variable(capsys: pytest.CaptureFixture[str]) -> None:
     for command in ("convert", "preview", "analyse", "evaluate", "report"):
         with pytest.raises(SystemExit):

@@ -183,7 +183,7 @@ def analyse(
         times_s=tuple(times),
         statistics=statistics,
         bars=edges.bars(),
-        suggestions=suggestions(info, statistics),
+        suggestions=suggestions(info, statistics, settings),
         shots=tuple(
             Shot(
                 first + begin,

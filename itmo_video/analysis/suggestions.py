@@ -1,7 +1,8 @@
 """Suggesting settings for a clip by rules of thumb, each with a reason.
 
-Reported, never applied. Those for the Expand Map are for the operator banterle2006, with
-which they were measured (docs/quality.md); the numbers of the others are rules of thumb.
+Reported, never applied; what the settings in use have already is left out. Those for the Expand
+Map are given for the operator banterle2006 alone, with which they were measured
+(docs/quality.md); the numbers of the others are rules of thumb.
 """
 
 from __future__ import annotations
@@ -10,8 +11,8 @@ from pathlib import Path
 
 from itmo_video.analysis.model import Statistics, Suggestion
 from itmo_video.model import ClipInfo
+from itmo_video.settings import Settings
 
-FOR_THE_PAPER = "for --operator banterle2006"
 FEW_CLIPPED = 0.0005
 MANY_CLIPPED = 0.06
 DARK, BRIGHT = 0.1, 0.3  # of white; the median of ordinary pictures lies between
@@ -21,28 +22,33 @@ SLOW_CHANGE = 0.002
 FEW_BITS = 0.06  # per pixel
 
 
-def suggestions(info: ClipInfo, statistics: Statistics) -> tuple[Suggestion, ...]:
-    """Suggest settings by a clip's metadata and statistics; empty if the defaults fit."""
+def suggestions(
+    info: ClipInfo, statistics: Statistics, settings: Settings
+) -> tuple[Suggestion, ...]:
+    """Suggest settings by a clip's metadata and statistics; empty if those in use fit."""
+    of_the_map = [_peak(statistics), *_map(statistics), _l_white(statistics)]
     found = [
-        _peak(statistics),
-        *_map(statistics),
-        _l_white(statistics),
+        *(of_the_map if settings.operator == "banterle2006" else ()),
         _keys(statistics),
         _noise(info),
         _projection(info),
     ]
-    return tuple(suggestion for suggestion in found if suggestion is not None)
+    return tuple(
+        suggestion
+        for suggestion in found
+        if suggestion is not None and getattr(settings, suggestion.setting) != suggestion.value
+    )
 
 
 def _peak(statistics: Statistics) -> Suggestion | None:
     if statistics.p50 >= VERY_DARK:
         return None
-    reason = f"{FOR_THE_PAPER}: half of the picture is below {statistics.p50:.1%} of white"
+    reason = f"half of the picture is below {statistics.p50:.1%} of white"
     return Suggestion("peak_nits", 600.0, f"{reason}: a high peak would expand lit areas too far")
 
 
 def _map(statistics: Statistics) -> tuple[Suggestion, ...]:
-    share = f"{FOR_THE_PAPER}: {statistics.clipped:.2%} of the pixels are at white"
+    share = f"{statistics.clipped:.2%} of the pixels are at white"
     if statistics.clipped < FEW_CLIPPED:
         reason = f"{share}: little is clipped, so the paper's map suits"
         return Suggestion("radius", 16.0, reason), Suggestion("min_lights", 4, reason)
@@ -50,10 +56,7 @@ def _map(statistics: Statistics) -> tuple[Suggestion, ...]:
         reason = f"{share}: large areas clip, so a stricter light threshold is needed"
         return (Suggestion("min_lights", 4, reason),)
     if statistics.p50 > DARK:
-        reason = (
-            f"{FOR_THE_PAPER}: half of the picture is above {statistics.p50:.0%} of white, "
-            "highlights are large"
-        )
+        reason = f"half of the picture is above {statistics.p50:.0%} of white, highlights are large"
         return (Suggestion("radius", 8.0, reason),)
     return ()
 
@@ -62,7 +65,7 @@ def _l_white(statistics: Statistics) -> Suggestion | None:
     if not DARK < statistics.p50 <= BRIGHT:
         return None
     tone = f"the median is {statistics.p50:.0%} of white"
-    reason = f"{FOR_THE_PAPER}: {tone}; this keeps it steady next to lamps"
+    reason = f"{tone}; this keeps it steady next to lamps"
     return Suggestion("l_white", 12.0, reason)
 
 

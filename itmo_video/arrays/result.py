@@ -57,6 +57,8 @@ class Result(Mapping[int, Expanded]):
 
     def __getitem__(self, number: int) -> Expanded:
         """The picture of this number; raises KeyError, and as Converted.read where it is not."""
+        if number not in self.converted.files:
+            raise KeyError(f"frame {number} is not in the folder: it has {format_ranges(self)}")
         image = self.converted.read(number)
         planes = image.channels.items()
         layers = {name.removesuffix(".Y"): plane for name, plane in planes if "." in name}

@@ -163,7 +163,8 @@ def make_plan(clip: Clip, look: Look, run: RunOptions) -> Plan:
     looks = (look, *(shot.look for shot in shots))
     memory = max(spans.memory_bound_bytes(width, height, wide, own, jobs) for own in looks)
     notices = (
-        *info.notices, *look.notices, *_no_timecode(info), *_left_out(numbers, first, run.analysis)
+        *info.notices, *look.notices, *_no_timecode(info), *_panorama(info, look.settings),
+        *_left_out(numbers, first, run.analysis),
     )  # fmt: skip
     return Plan(info, look, numbers, first, memory, jobs, shots, notices, info.frames)
 
@@ -178,6 +179,17 @@ def _left_out(numbers: Mapping[int, int], first: int, analysis: Analysis | None)
         return []
     told = f"frames {format_ranges(alone)} are in no shot of {analysis.where or 'the analysis'}"
     return [f"{told}: they use the settings of the clip"]
+
+
+def _panorama(info: ClipInfo, settings: Settings) -> list[str]:
+    """A word on what may be a panorama for lighting, by its shape and a maximum as a ratio."""
+    width, height = info.display_size
+    if settings.projection != "flat" or settings.l_max is None or width != 2 * height:
+        return []
+    return [
+        "it is twice as wide as high and read as a flat picture: for a latitude-longitude "
+        "panorama add --projection latlong"
+    ]
 
 
 def _no_timecode(info: ClipInfo) -> list[str]:

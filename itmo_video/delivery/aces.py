@@ -17,6 +17,7 @@ from itmo_video.colour.transfer import pq_nits
 from itmo_video.delivery.sdr import Picture
 from itmo_video.errors import UsageError
 from itmo_video.model import Float32, Half
+from itmo_video.words import to_install
 
 CONFIG = "ocio://studio-config-v4.0.0_aces-v2.0_ocio-v2.5"
 HDR_PEAKS = (500, 1000, 2000, 4000)
@@ -84,9 +85,7 @@ def _processor(primaries: str, display: str, view: str) -> Any:
     try:
         import PyOpenColorIO
     except ImportError as error:
-        raise UsageError(
-            "ACES views need OpenColorIO", remedy="pip install 'itmo_video[ocio]'"
-        ) from error
+        raise UsageError("ACES views need OpenColorIO", remedy=to_install("ocio")) from error
     try:
         config = PyOpenColorIO.Config.CreateFromFile(CONFIG)
         forward = PyOpenColorIO.TRANSFORM_DIR_FORWARD

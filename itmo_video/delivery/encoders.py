@@ -26,6 +26,7 @@ _CODE_POINTS: dict[str, tuple[int, int, int]] = {
     "acescct": (2, 2, 1),  # H.273 has no numbers for log and its primaries
     "logc3": (2, 2, 1),
 }
+_CHROMA_SITED_LEFT = "chroma-sample-position=left"  # SVT-AV1's; hdr.py filters it so
 
 
 def encode_avif(planes: YCbCr, crf: float, signal: Signal = "pq") -> bytes:
@@ -36,7 +37,11 @@ def encode_avif(planes: YCbCr, crf: float, signal: Signal = "pq") -> bytes:
         stream: Any = box.add_stream(
             "libsvtav1",
             rate=Fraction(1),
-            options={"crf": f"{crf:g}", "preset": DEFAULT_SPEED["av1"]},
+            options={
+                "crf": f"{crf:g}",
+                "preset": DEFAULT_SPEED["av1"],
+                "svtav1-params": _CHROMA_SITED_LEFT,
+            },
         )
         stream.width, stream.height, stream.pix_fmt = width, height, "yuv420p10le"
         tag_signal(stream.codec_context, signal)
@@ -61,11 +66,11 @@ def encoder_options(spec: FilmSpec) -> dict[str, str]:
     cll, fall = metadata.PLACEHOLDER
     is_hdr10 = spec.signal == "pq"
     if spec.codec == "av1":
+        params = [_CHROMA_SITED_LEFT]
         if is_hdr10:
-            options["svtav1-params"] = (
-                f"mastering-display={spec.mastering.for_svt()}:content-light={cll},{fall}"
-            )
-        return options
+            params += [f"mastering-display={spec.mastering.for_svt()}"]
+            params += [f"content-light={cll},{fall}"]
+        return options | {"svtav1-params": ":".join(params)}
     # x265's SEI with its options would include the placeholders below.
     told = ["log-level=none", "info=0", "repeat-headers=1", "chromaloc=0"]
     if is_hdr10:

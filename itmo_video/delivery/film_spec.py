@@ -84,7 +84,8 @@ def check_film(path: Path, spec: FilmSpec) -> None:
     """Raise UsageError for a combination that players or encoders do not support."""
     if path.suffix.lower() not in MUXERS:
         raise UsageError(
-            f"{path.name}: not the name of a film", remedy=f"End it in {', '.join(MUXERS)}."
+            f"{path.name}: not the name of a film",
+            remedy=f"End it in {', '.join(MUXERS)}, or in .y4m (uncompressed).",
         )
     if spec.codec == "av1" and path.suffix.lower() == ".mov":
         raise UsageError("AV1 is not possible in .mov", remedy="Name the output .mp4 or .mkv.")

@@ -23,8 +23,9 @@ class EvaluateOptions:
 
     source: Path | None = option(None, Path, "the SDR clip it was converted from", metavar="CLIP")
     motion: Path | None = option(
-        None, Path, "known motion, as pan_clip.py writes it", metavar="FILE"
-    )
+        None, Path, "known motion: a JSON file of where a panning window was in each frame "
+        "(docs/flicker.md, Known motion)", metavar="FILE",
+    )  # fmt: skip
     reference: Path | None = option(None, Path, "reference: a folder of EXR files", metavar="TRUTH")
     part: str | None = option(
         None, str, "the part of TRUTH's multi-part files, by name or number (default: the first "

@@ -29,7 +29,7 @@ WINDOW_PX = 9
 def known_flow(shape_hw: tuple[int, int], dx_px: float, dy_px: float) -> tuple[Float32, Mask]:
     """Flow of a window whose origin moved by (dx, dy) since the earlier frame, and where it holds.
 
-    Pixel (u, v) of the later frame looked at (u + dx, v + dy) in the earlier one (pan_clip.py).
+    Pixel (u, v) of the later frame looked at (u + dx, v + dy) in the earlier one.
     """
     height, width = shape_hw
     flow = np.empty((height, width, 2), np.float32)

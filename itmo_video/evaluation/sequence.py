@@ -44,9 +44,10 @@ class ShotFlicker:
 
 @dataclass(frozen=True)
 class _Seen:
-    """One frame at analysis size."""
+    """One frame at analysis size, `reduction` (x, y) of the clip's."""
 
     index: int
+    reduction: tuple[float, float]
     grey: Code
     gain_stops: Float32
     weight: Float32 | None
@@ -103,7 +104,10 @@ def over_shots(shots: Sequence[ShotFlicker]) -> dict[str, float]:
 
 
 def read_origins(path: Path) -> Origins:
-    """Window origins by frame from pan_clip.py's motion.json; raises UsageError otherwise."""
+    """Window origins (x, y) by frame index, in the clip's pixels; raises UsageError otherwise.
+
+    The file is JSON with "origins", a pair of numbers for each frame of the clip; more is ignored.
+    """
     try:
         origins = read_json(path)["origins"]
         return [(float(x), float(y)) for x, y in origins]
@@ -144,6 +148,7 @@ def _frames(sequence: ExrSequence, source: Path) -> Iterator[_Seen]:
             weight = image.channels.get("expand_map.Y")
             yield _Seen(
                 frame.index,
+                (width / sdr.shape[1], height / sdr.shape[0]),
                 frame.grey,
                 _small(gain, width, height),
                 None if weight is None else _small(weight.astype(np.float32), width, height),
@@ -222,7 +227,8 @@ class _Running:
             if b.index >= len(self._origins):
                 raise UsageError(f"the motion ends before frame {b.index}")
             (xa, ya), (xb, yb) = self._origins[a.index], self._origins[b.index]
-            flow, valid = flicker.known_flow(b.gain_stops.shape[:2], xb - xa, yb - ya)
+            dx_px, dy_px = (xb - xa) * b.reduction[0], (yb - ya) * b.reduction[1]
+            flow, valid = flicker.known_flow(b.gain_stops.shape[:2], dx_px, dy_px)
         else:
             flow, valid = flicker.estimated_flow(b.grey, a.grey)
         gain = flicker.change_along(a.gain_stops, b.gain_stops, flow, valid)

@@ -87,7 +87,7 @@ def lighting_facts(lighting: Lighting) -> dict[str, float]:
 def lighting_table(rows: Mapping[str, Lighting]) -> str:
     """A line a row, and one for the scene lit by the truth."""
     true = next(iter(rows.values()))
-    head = ["", "error", "after one exposure", "shadow sharpness, stops/pixel", "depth, stops"]
+    head = ["", "error", "at best exposure", "shadow sharpness, stops/pixel", "shadow depth, stops"]
     lines = [["true probe", "", "", _cell(true.sharpness[1]), _cell(true.depth[1], 2)]]
     lines += [
         [name, _cell(row.error), _cell(row.exposed_error), _cell(row.sharpness[0]),

@@ -117,6 +117,8 @@ def _told(value: object) -> str:
         return {None: "none", True: "yes", False: "no"}[value]
     if isinstance(value, str):
         return value
+    if isinstance(value, dict) and set(value) == {"value", "from"}:
+        return f"{_told(value['value'])} ({value['from']})"
     if isinstance(value, dict):
         return ", ".join(f"{k} {_told(v)}" for k, v in value.items()) or "none"
     if isinstance(value, list | tuple):

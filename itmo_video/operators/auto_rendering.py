@@ -93,12 +93,15 @@ class Rendering:
 
     def in_words(self, l_max: float) -> str:
         """What was found and what is done, in a line."""
-        white = f"white stands at {self.white:.0%}"
+        reached = f"the brightest reach {self.white:.0%} of"
         if self.tone_mapped >= 0.5:
             how = "highlights roll off" if self.clipped < 0.005 else "highlights are folded"
-            return f"{how}, {white}: tone-mapped; eq. 11, L'max {l_max**self.tone_mapped:.1f}"
+            most = f"{l_max**self.tone_mapped:.1f} times SDR white"
+            return (
+                f"{how}, {reached} white: tone-mapped; expanded by the paper's curve, up to {most}"
+            )
         if self.white < WHITE_FULL and self.clipped < 1e-3:
-            return f"nothing reaches white ({white}): left as it is"
+            return f"nothing reaches white ({reached} it): left as it is"
         return f"{self.clipped:.1%} clipped, as by a camera; clipped highlights are restored"
 
 

@@ -55,7 +55,7 @@ def contact_sheet(
     kind = PAGE if suffix == ".html" else STILL
     gate = Gate(output, kind, inputs=input_files(source), overwrite=options.overwrite)
     gate.check()
-    tried = variants(options.vary, options.values)
+    tried = variants(options.vary, options.values, make_settings(preset, **changed))
     settings = [_settings(variant, preset, changed) for variant in tried]
     with Session(source, input_options(settings[0], run.max_pixels)) as session:
         info = session.clip.info

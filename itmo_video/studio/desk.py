@@ -125,6 +125,15 @@ class Desk:
         self._check_index(index)
         return self._in_slot(slot).look_at(index, self.info).settings
 
+    def settings_of(self, shot: int | None) -> Settings:
+        """The current settings of the clip or of one shot; raises UsageError if there is none."""
+        now = self.history.now
+        if shot is None:
+            return now.settings
+        if not 0 <= shot < len(now.shots):
+            raise UsageError(f"there is no shot {shot + 1}")
+        return now.shots[shot].settings(now.settings)
+
     def _shown(
         self, index: int, document: Document, part: str, scale: int, lane: str, page: str
     ) -> Future[Shown]:
@@ -190,12 +199,18 @@ class Desk:
             return path
 
     def command(self) -> str:
-        """The command that converts with the current settings; names saved files if up to date."""
+        """The command of the last render, or `convert`, with the current settings.
+
+        It names saved files if they are up to date.
+        """
         with self._lock:
             now = self.history.now
             preset = self.saved.get("preset") if self._holds("preset") else None
             shots = self.saved.get("shots") if self._holds("shots") else None
-            return command(now, self.info.path, "OUTPUT_DIR", preset, shots)
+            is_film = self.runner.progress.kind == "preview"
+            output = "FILM.mp4" if is_film else "OUTPUT_DIR"
+            kind = "preview" if is_film else "convert"
+            return command(now, self.info.path, output, preset, shots, kind)
 
     @property
     def shots_need_saving(self) -> bool:

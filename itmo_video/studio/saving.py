@@ -122,13 +122,18 @@ def shots_json(document: Document) -> bytes:
 
 
 def command(
-    document: Document, clip: str, output: str, preset: Path | None, shots: Path | None
+    document: Document,
+    clip: str,
+    output: str,
+    preset: Path | None,
+    shots: Path | None,
+    kind: str = "convert",
 ) -> str:
-    """The command that converts with this document, ready for a shell.
+    """The command that converts with this document (or makes a film), ready for a shell.
 
     Where the preset's file no longer says what was read from it, PRESET.toml stands for a new one.
     """
-    words = ["itmo-video", "convert", clip, output]
+    words = ["itmo-video", kind, clip, output]
     if preset is not None:
         words += ["--preset", str(preset)]
     elif not is_as_read(document):

@@ -87,7 +87,9 @@ class _Api:
         return _halfs(await _of(shown), made_by)
 
     async def _variants(self, request: Request) -> Response:
-        found = variants(request.query_params.get("by", ""))
+        asked = request.query_params
+        shot = asking.place(asked.get("shot"))
+        found = variants(asked.get("by", ""), current=self._desk.settings_of(shot))
         return _json([dataclasses.asdict(variant) for variant in found])
 
     async def _lights(self, request: Request) -> Response:

@@ -27,12 +27,16 @@ _OF_READING = ("fps", "stream", "raw", "deinterlace", "force_sdr")
 
 @dataclass(frozen=True)
 class Variant:
-    """A look to try: a preset, or values on top of the current settings."""
+    """A look to try: a preset, or values on top of the current settings.
+
+    `is_current` says that it is the current setting, as its label does.
+    """
 
     label: str
     says: str = ""
     preset: str | None = None
     values: Mapping[str, Any] = field(default_factory=dict)
+    is_current: bool = False
 
 
 def varied() -> list[str]:
@@ -46,10 +50,11 @@ def varied() -> list[str]:
     return [PRESETS, *names]
 
 
-def variants(by: str, texts: Sequence[str] = ()) -> list[Variant]:
+def variants(by: str, texts: Sequence[str] = (), current: Settings | None = None) -> list[Variant]:
     """All presets, or the setting `by` at the values in `texts`, or at some typical ones.
 
-    Raises UsageError unless `by` is a setting of the look and `texts` are values of it.
+    Typical ones include that of `current`, in place of the nearest. Raises UsageError unless `by`
+    is a setting of the look and `texts` are values of it.
     """
     if by == PRESETS:
         return [
@@ -62,9 +67,15 @@ def variants(by: str, texts: Sequence[str] = ()) -> list[Variant]:
         raise UsageError(f"{by} cannot be varied", remedy=f"Choose one of: {known}")
     (f,) = (f for f in dataclasses.fields(Settings) if f.name == name)
     spec = spec_of(f)
-    values = [_read(name, spec, text) for text in texts] or _usual(name, spec)
+    now = getattr(current, name) if current is not None else None
+    values = [_read(name, spec, text) for text in texts] or _with(now, _usual(name, spec))
     flag = flag_name(name)
-    return [Variant(f"{flag} {_said(value)}", spec.help, values={name: value}) for value in values]
+    return [
+        Variant(f"{flag} {_said(value)}", spec.help, values={name: value})
+        if value != now
+        else Variant(f"{flag} {_said(value)} (current)", spec.help, None, {name: value}, True)
+        for value in values
+    ]
 
 
 def usual_bounds(name: str, spec: Spec) -> tuple[float, float]:
@@ -93,6 +104,14 @@ def _usual(name: str, spec: Spec) -> list[Any]:
         for part in parts
     ]
     return [round(value) if spec.kind is int else float(f"{value:.2g}") for value in found]
+
+
+def _with(now: Any, values: list[Any]) -> list[Any]:
+    """Typical values, of which the nearest gives way to the current one."""
+    if not isinstance(now, int | float) or now in values:
+        return values
+    nearest = min(values, key=lambda value: abs(value - now))
+    return sorted([now, *(value for value in values if value != nearest)])
 
 
 def _choices(name: str, spec: Spec) -> tuple[str, ...]:

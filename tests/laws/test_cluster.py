@@ -147,7 +147,7 @@ def test_without_the_extra_it_says_what_to_install(clip: Path, tmp_path: Path) -
     arguments = ("convert", clip, tmp_path, "--scheduler", "local")
     done = run(*arguments, command=(sys.executable, "-c", code))
     assert done.returncode == 2
-    assert "itmo_video[cluster]" in done.stderr
+    assert "pip install '.[cluster]'" in done.stderr
 
 
 # With Dask

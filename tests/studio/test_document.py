@@ -172,6 +172,8 @@ def test_the_command_is_quoted() -> None:
         "itmo-video convert 'a b'\"'\"'; rm.mp4' out --preset paper --peak-nits 400 "
         "--no-expand-map --layers gain --analysis s.json"
     )
+    film = command(Document("paper"), "a.mp4", "b.mp4", None, None, "preview")
+    assert film == "itmo-video preview a.mp4 b.mp4 --preset paper"
 
 
 def test_the_command_says_every_value_whole(tmp_path: Path) -> None:

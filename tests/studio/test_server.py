@@ -111,6 +111,11 @@ def test_variants_do_not_change_the_document(client: TestClient) -> None:
 
 def test_a_shot_has_a_preset_and_variants_of_its_own(client: TestClient) -> None:
     analysed(client)
+    edit(client, "set", values={"strength": 0.7}, shot=0)
+    for shot, strength in (("", 1), ("&shot=0", 0.7)):
+        listed = client.get(f"api/variants?by=strength{shot}").json()
+        assert [v["values"]["strength"] for v in listed if v["is_current"]] == [strength]
+    assert client.get("api/variants?by=strength&shot=99").status_code == 400
     peaks: list[float] = []
 
     def tried(**more: Any) -> np.ndarray[Any, Any]:

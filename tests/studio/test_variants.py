@@ -43,13 +43,27 @@ def test_values_are_the_users() -> None:
             variants(by, values)
 
 
+def test_the_current_value_is_among_them_and_marked() -> None:
+    for name, value in (("strength", 1.0), ("peak-nits", 777.0), ("radius", 16.0), ("hue", "keep")):
+        setting = name.replace("-", "_")
+        found = variants(name, current=make_settings("default", **{setting: value}))
+        assert len(found) == len(variants(name))
+        assert [v.values[setting] for v in found if v.is_current] == [value]
+        assert [v.label.endswith("(current)") for v in found] == [v.is_current for v in found]
+    asked = variants("strength", ["0.5", "2"], make_settings("default"))
+    assert [v.values["strength"] for v in asked] == [0.5, 2], "who names values gets those"
+
+
 def test_a_sheet_of_presets(clip: Path, tmp_path: Path) -> None:
-    assert main(["variants", str(clip), str(tmp_path / "a.png")]) == 0
+    assert main(["variants", str(clip), str(tmp_path / "presets.html")]) == 0
+    assert (tmp_path / "presets.html").read_text().count("<figure>") == len(preset_names())
+    values = ["--preset", "paper", "--vary", "strength", "--values", "0,1"]
+    assert main(["variants", str(clip), str(tmp_path / "a.png"), *values]) == 0
     sheet = cv2.imread(str(tmp_path / "a.png"))
     assert sheet is not None
     cells = [sheet[12:76, 12 + i * 108 : 108 + i * 108] for i in range(2)]
-    assert (cells[0] != cells[1]).any(), "two presets look the same"
-    assert main(["variants", str(clip), str(tmp_path / "a.html"), "--vary", "peak-nits"]) == 0
+    assert (cells[0] != cells[1]).any(), "two strengths look the same"
+    assert main(["variants", str(clip), str(tmp_path / "a.html"), *values[:3], "peak-nits"]) == 0
     text = (tmp_path / "a.html").read_text()
     assert text.count("<figure>") == COUNT
     assert len(set(re.findall(r"peak \d+ nits, mean [\d.]+", text))) == COUNT

@@ -25,12 +25,13 @@ async function fill() {
   sheet.replaceChildren();
   sheet.setAttribute("aria-busy", "true");
   const tiles = [];
-  const list = await get(`api/variants?by=${byId("vary").value}`);
+  const list = await get(`api/variants?by=${byId("vary").value}${shot === null ? "" : `&shot=${shot}`}`);
   if (mine !== turn) return;
-  for (const { label, says, preset, values: asked } of list) {
+  for (const { label, says, preset, values: asked, is_current: isCurrent } of list) {
     const button = document.createElement("button"), canvas = document.createElement("canvas");
     const name = document.createElement("b"), text = document.createElement("small");
     name.textContent = label;
+    if (isCurrent) button.setAttribute("aria-current", "true");
     text.textContent = preset ? says : "";
     button.type = "button";
     button.append(canvas, name, text);

@@ -67,7 +67,7 @@ function update() {
   for (const side of ["hdr", "sdr"]) {
     byId(`exposure-${side}`).value = S.exposure[side];
     const stops = S.exposure[side];
-    byId(`exposure-${side}-told`).textContent = `${stops > 0 ? "+" : ""}${stops.toFixed(1)}`;
+    byId(`exposure-${side}-told`).textContent = `${stops > 0 ? "+" : ""}${stops.toFixed(1)} EV`;
   }
   for (const name of ["mask", "lights"]) byId(name).setAttribute("aria-pressed", String(S[name]));
   byId("tone-map").value = S.toneMap;
