@@ -7,6 +7,7 @@ documentation in the repository finds it there, and the site takes it from there
 from __future__ import annotations
 
 import dataclasses
+import html
 import inspect
 import json
 import re
@@ -203,9 +204,10 @@ def _signature(name: str, function: Any) -> str:
         if p.kind is p.KEYWORD_ONLY and not is_keyword_only:
             is_keyword_only = True
             parts.append("*")
+        stars = {p.VAR_POSITIONAL: "*", p.VAR_KEYWORD: "**"}.get(p.kind, "")
         default = getattr(p.default, "__name__", repr(p.default))  # a function by its name
         parts.append(
-            f"{p.name}: {p.annotation}" + ("" if p.default is p.empty else f" = {default}")
+            f"{stars}{p.name}: {p.annotation}" + ("" if p.default is p.empty else f" = {default}")
         )
     one_line = f"{name}({', '.join(parts)}) -> {signature.return_annotation}"
     if len(one_line) <= 90:
@@ -265,7 +267,9 @@ def _escaped(text: str) -> str:
     """Plain text as Markdown: what would be markup is not; code between backticks stays."""
     parts = re.split(r"(`[^`]*`)", text)
     return "".join(
-        part.replace("|", "\\|") if n % 2 else re.sub(r"([|*_<>\[\]])", r"\\\1", part)
+        part.replace("|", "\\|")
+        if n % 2
+        else re.sub(r"([|*_\[\]])", r"\\\1", html.escape(part, quote=False))
         for n, part in enumerate(parts)
     )
 
