@@ -25,6 +25,7 @@ from itmo_video.settings import LAYERS
 MOST_PICTURE_BYTES = 400_000
 SEARCHED = {  # what people type, and a page that must be among those found
     "resume": "guide/convert.html",
+    "interrupt": "guide/convert.html",
     "batch": "guide/farm.html",
     "HDR10": "guide/hdr_masters.html",
     "Nuke": "guide/nuke_resolve_blender.html",
@@ -60,10 +61,15 @@ class _Page(HTMLParser):
         self.links: list[str] = []
         self.loaded: list[str] = []
         self.without_alt: list[str] = []
+        self.steps = 0  # items of numbered lists
+        self._lists: list[str] = []
         self.feed(text)
 
     def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
         given = {name: value or "" for name, value in attrs}
+        if tag in ("ol", "ul"):
+            self._lists.append(tag)
+        self.steps += tag == "li" and self._lists[-1:] == ["ol"]
         self.anchors |= {given[name] for name in ("id", "name") if name in given}
         if tag == "a" and "href" in given:
             self.links.append(given["href"])
@@ -73,6 +79,10 @@ class _Page(HTMLParser):
             self.loaded.append(given["src"])
         if tag == "img" and not given.get("alt"):
             self.without_alt.append(given.get("src", ""))
+
+    def handle_endtag(self, tag: str) -> None:
+        if tag in ("ol", "ul") and self._lists:
+            self._lists.pop()
 
 
 def test_every_link_and_picture_is_there_and_nothing_comes_from_a_network(site: Path) -> None:
@@ -95,6 +105,20 @@ def test_every_link_and_picture_is_there_and_nothing_comes_from_a_network(site: 
             elif url.fragment and target in pages and url.fragment not in pages[target].anchors:
                 wrong.append(f"{path.name}: no anchor {link}")
     assert not wrong
+
+
+def test_numbered_steps_and_code_are_what_they_were_meant_as(site: Path) -> None:
+    """An indent that is a list's on other hosts may not be one here."""
+    steps = 0
+    for source in (site.parent / "docs").rglob("*.md"):
+        text = source.read_text("utf-8")
+        html = site / source.relative_to(site.parent / "docs").with_suffix(".html")
+        built = html.read_text("utf-8")
+        meant = len(re.findall(r"^\d+\. ", re.sub(r"```.*?```", "", text, flags=re.DOTALL), re.M))
+        assert _Page(built).steps == meant, source.name
+        assert "```" not in re.sub(r"<[^>]*>", "", built), source.name
+        steps += meant
+    assert steps >= 10
 
 
 def test_what_people_search_for_is_found(site: Path) -> None:
