@@ -94,6 +94,13 @@ AVOIDED = {  # a pattern in prose, and what to write; meant in the senses of ../
     r"\bimage-based light\b": "image-based lighting",
     r"\bHDR-10\b|\bHDR 10\b": "HDR10",
     r"\bOpen EXR\b": "OpenEXR",
+    r"\btime line\b": "timeline",
+    r"\bpresent settings\b": "current settings",
+    r"\bHDR already\b": "already HDR",
+    r"\bby custom\b": "usually",
+    r"\bdoes not decode\b": "cannot be decoded",
+    r"\bstops about SDR white\b": "stops relative to SDR white",
+    r"\bexclude each other\b": "cannot be combined",
 }
 
 
@@ -122,6 +129,15 @@ def test_messages_help_and_docstrings_use_the_terms_of_the_trade() -> None:
         for node in ast.walk(ast.parse(path.read_text("utf-8"))):
             if isinstance(node, ast.Constant) and isinstance(node.value, str) and " " in node.value:
                 wrong += [f"{path.name}:{node.lineno}: {said}" for said in _flagged(node.value)]
+    assert not wrong
+
+
+def test_pages_of_studio_and_report_use_the_terms_of_the_trade() -> None:
+    wrong = []
+    for path in sorted((REPOSITORY / "itmo_video").rglob("*")):
+        if path.suffix in (".js", ".html", ".j2", ".c", ".h"):
+            plain = path.read_text("utf-8").replace("`", "'")
+            wrong += [f"{path.name}: {said}" for said in _flagged(plain)]
     assert not wrong
 
 

@@ -56,7 +56,7 @@ export function play(step) {
     }
     if (now - counted > 1000) {
       told(`Playing at ${(shownCount / (now - counted) * 1000).toFixed(1)} of `
-        + `${S.about.rate.toFixed(2)} frames a second${S.loop ? ", looping" : ""}`);
+        + `${S.about.rate.toFixed(2)} fps${S.loop ? ", looping" : ""}`);
       shownCount = 0;
       counted = now;
     }
