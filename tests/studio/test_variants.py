@@ -66,7 +66,7 @@ def test_a_sheet_of_presets(clip: Path, tmp_path: Path) -> None:
     assert main(["variants", str(clip), str(tmp_path / "a.html"), *values[:3], "peak-nits"]) == 0
     text = (tmp_path / "a.html").read_text()
     assert text.count("<figure>") == COUNT
-    assert len(set(re.findall(r"peak \d+ nits, mean [\d.]+", text))) == COUNT
+    assert len(re.findall(r"peak \d+ nits, mean [\d.]+", text)) == COUNT
     assert "<b>&scene" not in text, "a file's name is markup"
     assert len(preset_names()) >= 3
 
