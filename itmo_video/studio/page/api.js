@@ -22,7 +22,8 @@ async function answered(response) {
 
 async function fetched(path, options) {
   try {
-    return await answered(await fetch(path, options));
+    // Past the browser's cache, in which equal requests would wait for one another.
+    return await answered(await fetch(path, { cache: "no-store", ...options }));
   } catch (error) {
     if (error instanceof TypeError) throw new Refused("The studio does not respond. Is it still running in its terminal?");
     throw error;
