@@ -21,7 +21,9 @@ def test_it_says_that_it_is_closed(tmp_path: Path, sent: signal.Signals, code: i
     folder = tmp_path / "made" / "here"
     process = start("studio", CLIP, "--no-browser", "--folder", folder)
     assert process.stdout is not None
-    assert process.stdout.readline().startswith("http://127.0.0.1:")
+    address = process.stdout.readline().strip()
+    assert address.startswith("http://127.0.0.1:")
+    urllib.request.urlopen(address, timeout=60).close()  # it has begun to answer
     assert folder.is_dir(), "the folder was not made"
     process.send_signal(sent)
     _, err = process.communicate(timeout=60)
