@@ -123,15 +123,15 @@ def test_no_patches_where_a_second_channel_is_coded_in_blocks_near_white() -> No
     )
     result = picture * np.dstack(auto.gain_auto(planes, None, maps, Context(PEAK, PEAK)))
     assert new_edges(picture, result).max() < 0.006
-    assert np.abs(uv(result) - uv(picture)).max() < 0.025
+    assert np.abs(uv(result) - uv(picture)).max() < 0.035
 
 
 def test_a_saturated_colour_may_part_further_and_two_clipped_channels_are_free() -> None:
     levels = np.full((48, 64, 3), (0.5, 0.1, 0.0), np.float32)
     for colour, parted_stops in (
         ((1.0, 1.0, 1.0), 0.5 * 3),  # what is white tells nothing of the colour
-        ((1.0, 0.5, 0.5), 0.4),  # one stop: 0.4 times its square
-        ((1.0, 0.5, 2**-1.5), 0.4 * 1.5**2),
+        ((1.0, 0.5, 0.5), 0.5),  # one stop
+        ((1.0, 0.5, 2**-1.5), 0.5 * 1.5**1.5),
         ((1.0, 1.0, 0.25), 0.5 * 3),
     ):
         picture = np.full(levels.shape, colour, np.float32)

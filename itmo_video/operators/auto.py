@@ -40,7 +40,7 @@ _OPEN_LOW, _OPEN_WHITE = (
 APART_FROM, APART_WHOLLY = 0.9, 1.0  # of the greatest channel: below it none parts from the others
 RATIO_LOW, RATIO_HIGH = 0.7, 2.0  # of smoothed over given light: small lamps stay bright
 WITH_FROM, WITH_WHOLLY = 0.8, 1.0  # light at which a channel counts as clipped with the greatest
-UNSURE, SURE, LEAST_TRUST = 0.2, 0.4, 0.3  # of the network's stops, where it is not certain
+UNSURE, SURE, LEAST_TRUST = 0.1, 0.27, 0.3  # of the network's stops, where it is not certain
 LEAST_LIGHT = 2e-3
 # Texture is not lifted with the light that falls on it: eq. 11's argument is smoothed over it.
 TEXTURE = Guard(radius_px=21, epsilon=0.02, curve_map=3)

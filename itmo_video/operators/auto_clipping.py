@@ -22,8 +22,8 @@ NEAR_FROM, NEAR_WHOLLY = 0.8, 0.93  # of white, linear: bright; a channel that c
 AROUND_PX, FAR_AROUND_PX = 2.5, 7.0  # standard deviations, of the analysis picture
 KNOWN_FROM, KNOWN_WHOLLY = 0.1, 0.7  # shares of what is bright around
 DECIDED_FROM, DECIDED_WHOLLY = 0.6, 0.95
-APART_STOPS = 0.4  # that a channel may part where the colour around spans a stop; by its square
-FREE_FROM, FREE_WHOLLY = 0.9, 1.0  # of white, linear: the second channel around, which then clips
+APART_STOPS, APART_POWER = 0.5, 1.5  # that a channel may part where the colour spans a stop
+FREE_FROM, FREE_WHOLLY = 0.87, 1.0  # of white, linear: the second channel around, which then clips
 LUMINANCE = (0.213, 0.715, 0.072)
 
 
@@ -65,10 +65,10 @@ def decided_together(stops: Float32, rgb_linear: Float32) -> Float32:
 def bounded_parting(levels: Float32, rgb_linear: Float32, peak_stops: float) -> Float32:
     """Levels of R, G and B that part no further than the colour around allows: float32 (H, W, 3).
 
-    Where one channel alone clips, by APART_STOPS times the squared stops between the greatest and
-    the least of what is bright around: a pale sky's blue that clips a little stays that sky's, an
-    orange sky's red is restored. Where the second channel clips, too, it tells nothing of the
-    colour, and there is no bound. Levels are over `peak_stops`, log2 L'max; both are (H, W, 3).
+    Where one channel alone clips, by APART_STOPS times the stops between the greatest and the least
+    of what is bright around to the power of APART_POWER: a pale sky's blue that clips a little
+    stays that sky's, an orange sky's red is restored. Where the second channel clips, too, it tells
+    nothing of the colour, and there is no bound. Levels are over `peak_stops`, log2 L'max.
     """
     # By planes: NumPy along an axis of three takes ten times as long.
     bright = ramps(greatest_of(rgb_linear), NEAR_FROM, NEAR_WHOLLY)
@@ -83,7 +83,7 @@ def bounded_parting(levels: Float32, rgb_linear: Float32, peak_stops: float) -> 
     second = red + green + blue - greatest - least
     dark = np.float32(1e-3)
     span_stops = np.log2(np.maximum(greatest, dark) / np.maximum(least, dark))
-    most = np.float32(APART_STOPS / max(peak_stops, 1e-6)) * span_stops * span_stops
+    most = np.float32(APART_STOPS / max(peak_stops, 1e-6)) * span_stops**APART_POWER
     known = _planes(levels)
     common = cv2.min(cv2.min(known[0], known[1]), known[2])
     free = ramps(second, FREE_FROM, FREE_WHOLLY)
