@@ -128,7 +128,9 @@ def test_a_shot_of_any_length_holds_two_pictures() -> None:
     for index in range(40):
         picture = np.zeros((8, 8), np.float32)
         alive.append(weakref.ref(picture))
-        seen = sequence._Seen(index, picture.astype(np.uint8), picture, None, 0.0, 1.0, index == 0)
+        seen = sequence._Seen(
+            index, (1.0, 1.0), picture.astype(np.uint8), picture, None, 0.0, 1.0, index == 0
+        )
         running.add(seen)
         del picture, seen
     gc.collect()

@@ -78,4 +78,4 @@ def test_mixed_telecine_is_told(tmp_path: Path) -> None:
     with open_clip(path) as clip:
         assert not any("telecine" in notice for notice in clip.info.notices)
     (told,) = mixture([n % 3 == 0 for n in range(12)])
-    assert told.startswith("4 of its first 12 frames are interlaced")
+    assert told.startswith("4 of the first 12 frames are interlaced")

@@ -117,7 +117,7 @@ def test_without_the_extra_it_says_what_to_install(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     _without(monkeypatch, "torch")
-    with pytest.raises(UsageError, match=r"Install itmo_video\[vdp\]"):
+    with pytest.raises(UsageError, match=r"pip install .\.\[vdp\]"):
         vdp.require_vdp()
     clip = write_ffv1(tmp_path / "c.mkv", moving_scene(2))
     convert(clip, tmp_path / "a", make_settings())

@@ -25,7 +25,10 @@ def numbered_frames(path: Path, stream: int) -> int:
     A frame is lost where both the numbers and the times leave a gap; files that were cut and joined
     leave only one of them. 0 where none is lost, or the file's structure is not understood.
     """
-    seen = list(_frames(path, stream))
+    try:
+        seen = list(_frames(path, stream))
+    except OSError:  # a disk that fails is reported where the packets are read
+        return 0
     pairs = [(b[0] - a[0] & a[2], b[1] - a[1]) for a, b in pairwise(seen)]
     steps = sorted(ms for numbers, ms in pairs if numbers == 1 and ms > 0)
     if not steps:

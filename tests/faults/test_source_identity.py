@@ -150,7 +150,7 @@ def test_a_film_that_is_being_written_to_is_told(tmp_path: Path) -> None:
     frames = opened.frames()
     next(frames)
     clip.write_bytes(b"")
-    with pytest.raises(DamagedInputError, match="changed while it was read"):
+    with pytest.raises(DamagedInputError, match="changed while it was being read"):
         list(frames)
 
 
