@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import shutil
+import signal
 import threading
 import time
 from collections.abc import Iterator
@@ -332,9 +333,13 @@ def test_a_render_is_cancelled_and_failures_are_told(desk: Desk, tmp_path: Path)
 
 def test_one_render_at_a_time_also_after_a_cancel(desk: Desk) -> None:
     desk.render("convert", "out")
+    assert desk.runner._process is not None
+    desk.runner._process.send_signal(signal.SIGSTOP)  # so that it cannot end before it is asked
+    os.waitid(os.P_PID, desk.runner._process.pid, os.WSTOPPED | os.WNOWAIT)
     desk.runner.cancel()
     with pytest.raises(UsageError, match="running"):
         desk.render("convert", "out")
+    desk.runner._process.send_signal(signal.SIGCONT)
     assert desk.runner._follower is not None
     desk.runner._follower.join(60)
     assert desk.runner.progress.state in ("cancelled", "done")
@@ -357,8 +362,9 @@ def test_pages_do_not_overtake_each_other() -> None:
     for future in waiting[-2:]:
         future.result(60)
     assert ran == ["two4", "three4"]
-    hold = threading.Event()
-    latest.submit("a", lambda stale: hold.wait(60))
+    begun, hold = threading.Event(), threading.Event()
+    latest.submit("a", lambda stale: (begun.set(), hold.wait(60)))
+    assert begun.wait(60)  # else it may be overtaken itself
     many = [latest.submit("a", lambda stale: 1, str(n)) for n in range(200)]
     hold.set()
     assert many[-1].result(60) == 1
