@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from itmo_video.kernels import compiled, library
+from itmo_video.kernels import compiled, compiled_light, library
 from itmo_video.kernels.dispatch import with_compiled_form
 
 # The table's letters for a parameter of the header.
@@ -51,7 +51,9 @@ def light(plane: np.ndarray[Any, Any], **other: Any) -> None:
 
 
 CODES = np.full((6, 8), 100, np.uint8)
-TO_LIGHT = compiled.CodesToLight((None, None), (16, 219, 128, 224), (1.5, 1.8, -0.4, -0.2), None)
+TO_LIGHT = compiled_light.CodesToLight(
+    (None, None), (16, 219, 128, 224), (1.5, 1.8, -0.4, -0.2), None
+)
 OUT = [np.empty((6, 8), np.float32) for _ in range(3)]
 
 
@@ -59,7 +61,7 @@ def codes(
     rows: slice = slice(0, 6), out: Any = OUT, plane: Any = CODES, chroma: Any = CODES
 ) -> None:
     """Call `ycbcr_rows` with one argument of another kind."""
-    compiled.ycbcr_rows(
+    compiled_light.ycbcr_rows(
         loaded, [plane, CODES, chroma], rows, TO_LIGHT, out,
     )  # fmt: skip
 

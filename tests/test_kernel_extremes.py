@@ -16,7 +16,8 @@ import pytest
 from hypothesis import given
 
 from itmo_video.kernels import library
-from itmo_video.kernels.compiled import CodesToLight, pack_literals, ycbcr_rows
+from itmo_video.kernels.compiled import pack_literals
+from itmo_video.kernels.compiled_light import CodesToLight, ycbcr_rows
 
 loaded = library.library()
 pytestmark = pytest.mark.skipif(loaded is None, reason="installed without a C compiler")

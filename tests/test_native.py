@@ -14,7 +14,8 @@ from itmo_video.colour.analysis_picture import analysis_guide
 from itmo_video.colour.strips import strips
 from itmo_video.expand_map.key_map import make_key_map
 from itmo_video.kernels import library
-from itmo_video.kernels.compiled import CodesToLight, drive, pack_literals, ycbcr_rows
+from itmo_video.kernels.compiled import drive, pack_literals
+from itmo_video.kernels.compiled_light import CodesToLight, ycbcr_rows
 from itmo_video.look import make_look
 from itmo_video.model import Encoding, Frame
 from itmo_video.motion import flow

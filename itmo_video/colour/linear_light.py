@@ -24,7 +24,7 @@ from itmo_video.colour.transfer import (
     eotf,
     gamma_of,
 )
-from itmo_video.kernels import compiled
+from itmo_video.kernels import compiled_light
 from itmo_video.kernels.dispatch import with_compiled_form
 from itmo_video.model import Code, Float32, Frame, Matrix, Range, Transfer
 
@@ -72,7 +72,7 @@ def _compiled_to_linear(
     loaded: ctypes.CDLL, frame: Frame, rows: slice, clip: bool, out: Planes
 ) -> None:
     codes = codes_to_light(frame, clip)
-    compiled.ycbcr_rows(loaded, frame.planes[:3], rows, codes, out)
+    compiled_light.ycbcr_rows(loaded, frame.planes[:3], rows, codes, out)
     if codes.exponent is None:
         for target in out:
             _eotf_in_place(target, frame.encoding.transfer, clip)
@@ -89,14 +89,14 @@ def _ycbcr_to_linear(frame: Frame, rows: slice, clip: bool, out: Planes) -> None
             np.copyto(target, buffer[:, :width])
 
 
-def codes_to_light(frame: Frame, clip: bool) -> compiled.CodesToLight:
+def codes_to_light(frame: Frame, clip: bool) -> compiled_light.CodesToLight:
     """How the kernels read a Y'CbCr frame: to light where that is a power, else to R'G'B'."""
     encoding, (width, height), chroma = frame.encoding, frame.size, frame.planes[1]
     across = None if width <= chroma.shape[1] else siting_offset(encoding.siting, vertical=False)
     down = None if height <= chroma.shape[0] else siting_offset(encoding.siting, vertical=True)
     step = 2.0 ** (encoding.bit_depth - 8)
     chroma_span = 256 * step - 1 if encoding.range == "full" else 224 * step
-    return compiled.CodesToLight(
+    return compiled_light.CodesToLight(
         (across, down),
         (*encoding.black_and_span, 128 * step, chroma_span),
         _matrix_factors(encoding.matrix),

@@ -7,9 +7,8 @@ from __future__ import annotations
 
 import ctypes
 import functools
-import math
 from collections.abc import Sequence
-from typing import Any, NamedTuple, TypeAlias, TypeVar, cast
+from typing import Any, TypeAlias, TypeVar, cast
 
 import numpy as np
 import numpy.typing as npt
@@ -55,106 +54,13 @@ def pack_literals(loaded: ctypes.CDLL, rows: Bytes2D) -> list[bytes]:
     return [out[a:b].tobytes() for a, b in zip(starts, ends.tolist(), strict=True)]
 
 
-class CodesToLight(NamedTuple):
-    """How Y'CbCr codes stand for R'G'B' or linear light.
-
-    `sites` (across, down) are None where chroma is as large as luma, else chroma.siting_offset's.
-    `levels` are the codes of black and of white above it, then those of no chroma and of chroma's
-    range; `matrix` what Cr adds to red, Cb to blue, Cr to green and Cb to green, for each of its
-    range. With an `exponent` (2 to 4) limited to [0, 1] and raised to it, within 1e-6; 0 for
-    values below 2^-15, which by such a power are far below the least half.
-    """
-
-    sites: tuple[float | None, float | None]
-    levels: tuple[float, float, float, float]
-    matrix: tuple[float, float, float, float]
-    exponent: float | None
-
-    @property
-    def sites_in_halves(self) -> tuple[int, int]:
-        """The sites as C has them: -1 for None, else 0 to 2."""
-        across, down = (-1 if site is None else round(2 * site) for site in self.sites)
-        return across, down
-
-    @property
-    def black_and_scale(self) -> tuple[float, float, float, float]:
-        """`levels` with what a code above black is worth, and one of chroma."""
-        black, span, middle, chroma_span = self.levels
-        return black, _one_over(span), middle, _one_over(chroma_span)
-
-
-def ycbcr_rows(
-    loaded: ctypes.CDLL,
-    planes: Sequence[Codes],
-    rows: slice,
-    codes: CodesToLight,
-    out: Sequence[Float32],
-) -> None:
-    """Convert rows of a Y'CbCr picture to R'G'B', in three float32 arrays of (rows, width).
-
-    `planes` are whole, uint8 or uint16, chroma as large as luma or half as wide, and half as high.
-    Any strip has the same bytes.
-    """
-    luma, cb, cr = alike_planes(planes, rows)
-    height, width = cb.shape
-    alike(luma[rows], *out)
-    strides = np.array([cb.strides[0], cr.strides[0]], np.int64)
-    across, down = codes.sites_in_halves
-    scratch = np.empty(5 * width + 2 + luma.shape[1], np.float32)
-    level = np.array(codes.black_and_scale, np.float32)
-    factor = np.array(codes.matrix, np.float32)
-    loaded.itmo_ycbcr_rows(
-        luma, cb, cr,
-        luma.strides[0], strides, luma.itemsize,
-        luma.shape[1], width, height, rows.start, rows.stop - rows.start, across, down,
-        level, factor, None if codes.exponent is None else power_curve(codes.exponent), scratch,
-        *out,
-    )  # fmt: skip
-
-
-def _one_over(span: float) -> float:
-    """What times `span` is 1 in float32, too, so that white is white."""
-    scale = np.float32(1 / span)
-    return float(scale if np.float32(span) * scale >= 1 else np.nextafter(scale, np.float32(1)))
-
-
-@functools.lru_cache(maxsize=8)
-def power_curve(exponent: float) -> Float32:
-    """What `itmo_power` raises to a power by: float32 (21,), of an exponent of 2 to 4.
-
-    A value is (1 + t) * 2^e, t from 0 to 1. First are the coefficients of t to t^5 in
-    (1 + t)^exponent, within 5e-7: those of t to t^4 in ((1 + t)^exponent - 1) / t, met at
-    Chebyshev's places by divided differences. Then 2^(exponent * e) for e from -15 to 0.
-    """
-    places = [0.5 - 0.5 * math.cos(math.pi * (k + 0.5) / 5) for k in range(5)]
-    values = [((1 + t) ** exponent - 1) / t for t in places]
-    for order in range(1, 5):
-        for k in range(4, order - 1, -1):
-            values[k] = (values[k] - values[k - 1]) / (places[k] - places[k - order])
-    terms = [0.0] * 5
-    for place, value in zip(reversed(places), reversed(values), strict=True):
-        terms = [below - place * term for below, term in zip([0.0, *terms], terms, strict=False)]
-        terms[0] += value
-    scales = [2.0 ** (exponent * e) for e in range(-15, 1)]
-    return np.array([*terms, *scales], np.float32)
-
-
-def alike_planes(planes: Sequence[Codes], rows: slice) -> tuple[Codes, Codes, Codes]:
-    """Luma, Cb and Cr as the loops read them; errors where they or the rows do not fit."""
-    luma, cb, cr = (_in_lines(plane) for plane in planes)
-    if len({plane.dtype for plane in (luma, cb, cr)}) > 1:
-        raise TypeError("luma and chroma have codes of different sizes")
-    alike(cb, cr)
-    _check_rows(rows, luma)
-    return luma, cb, cr
-
-
-def _check_rows(rows: slice, plane: npt.NDArray[Any]) -> None:
+def check_rows(rows: slice, plane: npt.NDArray[Any]) -> None:
+    """Raise ValueError for rows outside the plane."""
     if not 0 <= rows.start <= rows.stop <= plane.shape[0]:
         raise ValueError(f"rows {rows.start} to {rows.stop} of {plane.shape[0]}")
 
 
-def _in_lines(plane: Plane) -> Plane:
+def in_lines(plane: Plane) -> Plane:
     """The plane, or a copy with contiguous lines in native byte order."""
     if plane.strides[1] == plane.itemsize and plane.dtype.isnative:
         return plane
@@ -243,9 +149,9 @@ def guide_rows(
     below. With `guards` the first two planes are the ratio's. The result does not depend on strips.
     """
     above, parts = between
-    luma, small = _in_lines(luma), whole(small)
+    luma, small = in_lines(luma), whole(small)
     alike(above, parts)
-    _check_rows(slice(rows.start, rows.start + len(above)), luma)
+    check_rows(slice(rows.start, rows.start + len(above)), luma)
     count, (planes, h, w), (height, width) = len(above), small.shape, luma.shape
     columns, shares = columns_between(w, width)
     ratio = np.empty((count, width), np.float32) if guards else None

@@ -11,16 +11,14 @@ import numpy as np
 from itmo_video.kernels.compiled import (
     AT_ONCE,
     Codes,
-    CodesToLight,
     Float32,
     Half,
     Indices,
     alike,
-    alike_planes,
     columns_between,
-    power_curve,
     whole,
 )
+from itmo_video.kernels.compiled_light import CodesToLight, alike_planes, power_curve
 
 _BLOCK, _RUN = 64, 512  # places, as in from_codes.c
 

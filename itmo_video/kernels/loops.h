@@ -1,5 +1,5 @@
 /* What the kernels share, and their prototypes. They do what NumPy and OpenCV do not; library.py
-   loads them, compiled.py says what each promises.
+   loads them, compiled.py and its neighbours say what each promises.
 
    Plain C11 on arrays: no Python, no allocation, no state, so that threads may call at will. */
 
