@@ -57,6 +57,8 @@ class Decoder:
                 if packets is not None:
                     packets = self._as_scanned(packets)
                     context = decoder_of(stream, self.max_pixels, way)
+                    if self.packets.broken:
+                        packets = self._without_broken(packets, on_error)
                     if way == "strict" and self.codec == "ffv1":
                         packets = _with_true_sums(packets, on_error)
                     yield from decode_all(context, packets, on_error)
@@ -78,6 +80,17 @@ class Decoder:
             yield packet
         if end < self.packets.end_byte:
             check_readable(self.path, at, min(self.packets.end_byte - at, PROBED_BYTES))
+
+    def _without_broken(
+        self, packets: Iterator[Any], on_error: Callable[[Any], bool]
+    ) -> Iterator[Any]:
+        """The packets whose structure is whole, up to one for which `on_error` returns true."""
+        for packet in packets:
+            if packet.size and packet.pts in (self.packets.broken or ()):
+                if on_error(packet):
+                    return
+                continue
+            yield packet
 
     def _after_seek(
         self, container: Any, stream: Any, place: int, stamp: int

@@ -17,6 +17,7 @@ import numpy as np
 from itmo_video.errors import InputError
 from itmo_video.regular_file import read_head
 from itmo_video.source.asf_objects import numbered_frames
+from itmo_video.source.cineform_bands import is_whole
 from itmo_video.source.files import check_file, check_pixels
 from itmo_video.source.read_faults import PROBED_BYTES, fault_at_ends, find_fault
 from itmo_video.source.streams import choose_video
@@ -53,6 +54,7 @@ class Packets:
     is the duration of the last frame in ticks, 0 if unknown. `left_out` is the number of frames
     before the first key packet, which are not part of the clip. `has_jumps`: stamps jump, as in
     joined captures, so they are not times. `end_byte` is the file's byte behind all packets.
+    `broken` are stamps of packets that must not reach the decoder; None if that is not known.
     """
 
     pts: tuple[int, ...]
@@ -65,6 +67,7 @@ class Packets:
     left_out: int = 0
     has_jumps: bool = False
     end_byte: int = 0
+    broken: frozenset[int] | None = None
 
     def index_of(self, pts: int | None) -> int | None:
         """The frame's number by its pts, None for a stamp that no packet has."""
@@ -136,6 +139,7 @@ def scan_packets(container: Any, stream: Any) -> Packets:
     shown: list[int] = []
     order: dict[int, tuple[int, int]] = {}
     keys: list[tuple[int, int, int]] = []
+    broken: list[int] = []
     is_unique, discarded, jumps = True, 0, Jumps(stream)
     last, tail, end_byte = (0, 0), (0, 0), 0
     codec = str(stream.codec_context.name)
@@ -152,6 +156,8 @@ def scan_packets(container: Any, stream: Any) -> Packets:
         is_unique = is_unique and pts is not None and pts not in order
         if pts is not None:
             order[pts] = (place, packet.size)
+            if codec == "cfhd" and not is_whole(bytes(packet)):
+                broken.append(pts)
             if packet.is_keyframe:
                 keys.append((place, pts, pts if packet.dts is None else packet.dts))
             if not packet.is_discard:
@@ -169,6 +175,7 @@ def scan_packets(container: Any, stream: Any) -> Packets:
     return Packets(
         pts_shown, order, tuple(keys), is_exact, declared, repeats, last[1],
         has_jumps=jumps.found, end_byte=end_byte,
+        broken=frozenset(broken) if codec == "cfhd" and len(broken) < len(stamps) else None,
     )  # fmt: skip
 
 

@@ -24,7 +24,7 @@ import av
 from itmo_video.source.decoding import Decoder, Numbered, Way
 
 _TOLD = ("h264", "mpeg2video", "mpeg4", "libdav1d", "av1", "vp9", "prores", "dnxhd")
-_AT_RANDOM = ("cfhd",)  # decoders that fill damaged areas with uninitialised memory
+_AT_RANDOM = ("cfhd",)  # its decoder fills damaged areas with uninitialised memory
 _SHORTEST = 24  # frames between entries, as each stretch opens the file again
 
 
@@ -97,7 +97,9 @@ class Stretches:
                     yield _copied(item)
             if index >= end:
                 return
-            is_damaged = bool(frame.is_corrupt) or self._place(index) >= damaged
+            # Where broken packets are kept from the decoder, what follows them is whole (intra).
+            follows = self._packets.broken is None and self._place(index) >= damaged
+            is_damaged = bool(frame.is_corrupt) or follows
             if is_damaged and self._decoder.codec in _AT_RANDOM:
                 continue  # left out, and so reported as missing
             last, before = index, (index, frame, is_damaged)

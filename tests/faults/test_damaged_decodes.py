@@ -13,9 +13,10 @@ from clips import SHARED, moving_scene
 
 sys.path.insert(0, str(Path(__file__).parent))
 
-from codec_clips import make_clip
+from codec_clips import CODECS, make_clip
 from damaged_decodes import frames, of_codec, trial
 
+from itmo_video.source.cineform_bands import is_whole
 from itmo_video.source.deinterlace import deinterlaced
 from itmo_video.source.ffv1_slices import slices_of
 from itmo_video.source.opening import open_clip
@@ -105,6 +106,34 @@ def test_a_slice_of_ffv1_whose_check_sum_is_wrong_is_damage(tmp_path: Path) -> N
         assert damaged[0] == 15
         again = [frame.index for frame in clip.frames(16) if frame.is_damaged]
     assert again == damaged[1:]
+
+
+@pytest.mark.parametrize("pixels", ["yuv422p10le", "gbrp12le", "gbrap12le"])
+def test_a_cineform_packet_that_is_not_whole_is_left_out_alone(
+    pixels: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """FFmpeg's decoder shows memory that was never written where sizes of bands are damaged."""
+    monkeypatch.setitem(CODECS, "cfhd", ("cfhd", "mov", pixels, {}))
+    path = make_clip("cfhd", tmp_path, frames=30, size=(96, 64))
+    with av.open(str(path)) as box:
+        packets = [bytes(packet) for packet in box.demux(video=0) if packet.size]
+    assert all(map(is_whole, packets))
+    whole = frames(path)
+    tags = [tag.to_bytes(2, "big") for tag in (27, 28, 41, 42, 48, 49, 50, 51, 56, 62, 55)]
+    aligned = range(0, len(packets[26]), 4)
+    words = [next(at for at in aligned if packets[26][at : at + 2] == tag) for tag in tags]
+    for byte in (*(at + 1 for at in words), *(at + 3 for at in words[:-1])):
+        assert not is_whole(packets[26][:byte] + b"\x7a" + packets[26][byte + 1 :]), byte
+    assert not is_whole(packets[26][: len(packets[26]) // 2])
+    data = bytearray(path.read_bytes())
+    for number, at in ((0, words[3]), (26, words[-2])):
+        data[data.index(packets[number]) + at + 1] ^= 0x7A
+    path.write_bytes(data)
+    rest = {n: check for n, check in whole.items() if n not in (0, 26)}
+    assert frames(path) == rest
+    assert frames(path, 25) == {n: check for n, check in rest.items() if n >= 25}
+    with open_clip(path) as clip:
+        assert not any(frame.is_damaged for frame in clip.frames()), "what follows is whole"
 
 
 @pytest.mark.parametrize("fault", ["a FRAME line", "a cut"])
