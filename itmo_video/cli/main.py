@@ -20,13 +20,14 @@ from itmo_video.cli.evaluate import add_evaluate
 from itmo_video.cli.info import add_info
 from itmo_video.cli.log_file import LogFile
 from itmo_video.cli.manual import add_manual
-from itmo_video.cli.outcome import Terminated, interrupted, out_of_memory, reported, unexpected
+from itmo_video.cli.outcome import Terminated, debug, interrupted, reported, unexpected
 from itmo_video.cli.preview import add_preview
 from itmo_video.cli.report import add_report
 from itmo_video.cli.streams import lost_output, with_streams
 from itmo_video.cli.studio import add_studio
 from itmo_video.cli.variants import add_variants
 from itmo_video.errors import ItmoError, UsageError
+from itmo_video.memory_limit import guarded, out_of_memory
 
 
 class _Parser(argparse.ArgumentParser):
@@ -80,6 +81,7 @@ def _run(said: Sequence[str], log: list[LogFile], closing: ExitStack) -> int:
     except Terminated:
         return interrupted(143, said)
     except MemoryError:
+        debug()
         return out_of_memory()
     except OSError as error:
         if (code_of_stream := lost_output(error)) is not None:
@@ -93,7 +95,7 @@ def run() -> NoReturn:
     """Run the command line and exit the process."""
     # NumPy's matrices here are 3 x 3; its idle threads would occupy a core meanwhile.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    code = main()
+    code = guarded(main)
     if "OpenImageIO" not in sys.modules:  # its bindings would print "leaks"
         gc.freeze()  # otherwise the interpreter scans all objects three times on exit, for 40 ms
     sys.exit(code)

@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from itmo_video.cli.log_file import LogFile
 from itmo_video.cli.terminal import named
 from itmo_video.errors import ItmoError
+from itmo_video.memory_limit import out_of_memory
 
 
 class Terminated(BaseException):
@@ -51,22 +52,11 @@ def interrupted(code: int, said: Sequence[str]) -> int:
     return code
 
 
-def out_of_memory() -> int:
-    """Report that memory ran out; returns the exit code."""
-    debug()
-    print(
-        "itmo-video: not enough memory; finished frames are intact\n"
-        "Use fewer --jobs or a smaller --map-width; also check for a memory limit (ulimit -v).",
-        file=sys.stderr,
-    )
-    return 1
-
-
 def unexpected(error: Exception) -> int:
     """Report a bug; returns the exit code."""
+    debug()
     if _OF_MEMORY.search(str(error)):
         return out_of_memory()
-    debug()
     print(
         f"itmo-video: unexpected error: {type(error).__name__}: {error}\n"
         "Please report this; ITMO_VIDEO_DEBUG=1 prints the traceback.",

@@ -33,6 +33,7 @@ from itmo_video.delivery.messages import with_message
 from itmo_video.delivery.sound import Sound
 from itmo_video.delivery.svt_av1 import svt_as_guest
 from itmo_video.errors import ItmoError, OutputError
+from itmo_video.memory_limit import check_memory
 from itmo_video.output.atomic import temp_path
 from itmo_video.output.gate import Gate
 from itmo_video.source.packets import TAG_ERRORS
@@ -242,6 +243,7 @@ class FilmWriter:
 
 
 def _failure(error: Exception, path: Path, has_sound: bool) -> OutputError:
+    check_memory(error)
     reason = getattr(error, "strerror", None) or str(error)
     sound = "If the container does not support the sound, try .mkv, or --no-audio."
     return OutputError(

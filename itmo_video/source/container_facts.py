@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from itmo_video.source import iso_boxes, matroska
+from itmo_video.source.streams import codec_tag
 from itmo_video.source.track_facts import TrackFacts
 
 
@@ -18,4 +19,4 @@ def track_of(path: Path, container: Any, stream: Any) -> TrackFacts:
         videos = [s.index for s in container.streams if s.type == "video"]
         tracks, at = matroska.video_tracks(path), videos.index(stream.index)
         return tracks[at] if at < len(tracks) else TrackFacts()
-    return TrackFacts(sample_entry=str(stream.codec_context.codec_tag))
+    return TrackFacts(sample_entry=codec_tag(stream.codec_context))

@@ -11,6 +11,7 @@ from typing import Any, Literal
 import av
 
 from itmo_video.errors import InputError
+from itmo_video.memory_limit import check_memory
 from itmo_video.source.ffv1_slices import packet_check
 from itmo_video.source.packets import Packets, decoder_limit, open_video, read_packets
 from itmo_video.source.read_faults import PROBED_BYTES, check_readable
@@ -108,8 +109,8 @@ class Decoder:
                 if at >= place:
                     return None
                 is_whole = is_whole or at >= 0
-        except (av.FFmpegError, OSError):
-            pass
+        except (av.FFmpegError, OSError) as error:
+            check_memory(error)
         return None
 
 
@@ -145,7 +146,8 @@ def decode_all(
         packet = next(packets, None)
         try:
             frames = context.decode(packet)
-        except (av.FFmpegError, EOFError):
+        except (av.FFmpegError, EOFError) as error:
+            check_memory(error)
             frames = []
             if on_error(packet):
                 return

@@ -9,6 +9,8 @@ from typing import Any
 
 import av
 
+from itmo_video.memory_limit import check_memory
+
 LEAD_IN = 4  # frames decoded before the first one wanted, so that it has neighbours
 
 Picture = tuple[int, Any, bool]  # index, decoded frame, whether it is damaged
@@ -76,7 +78,8 @@ def _pull(graph: Any, waiting: deque[tuple[int, bool]]) -> Iterator[Picture]:
     while True:
         try:
             picture = graph.vpull()
-        except (av.FFmpegError, EOFError):
+        except (av.FFmpegError, EOFError) as error:
+            check_memory(error)
             return
         index, is_damaged = waiting.popleft()
         yield index, picture, is_damaged

@@ -15,12 +15,13 @@ import av
 import numpy as np
 
 from itmo_video.errors import InputError
+from itmo_video.memory_limit import check_memory
 from itmo_video.regular_file import read_head
 from itmo_video.source.asf_objects import numbered_frames
 from itmo_video.source.cineform_bands import is_whole
 from itmo_video.source.files import check_file, check_pixels
 from itmo_video.source.read_faults import PROBED_BYTES, fault_at_ends, find_fault
-from itmo_video.source.streams import choose_video
+from itmo_video.source.streams import choose_video, codec_tag
 from itmo_video.untrusted import parse_rational
 
 # No playlists and no demuxers that open a second file, as these could read other local files.
@@ -89,6 +90,7 @@ def open_container(path: Path, max_pixels: int) -> Any:
         # An absolute path, so that a colon in the name is not mistaken for a protocol.
         return av.open(os.path.abspath(path), options=options, **TAG_ERRORS)
     except (av.FFmpegError, OSError, ValueError) as error:
+        check_memory(error)
         reason = getattr(error, "strerror", None) or str(error)
         fault = fault_at_ends(path)
         what = f"is not a readable video ({reason})" if fault is None else str(fault)
@@ -125,8 +127,8 @@ def read_packets(container: Any, stream: Any) -> Iterator[Any]:
             yield from container.demux(stream)
         except IndexError:  # PyAV 18 at a stream that starts later; reading can continue after it
             continue
-        except (av.FFmpegError, OSError):
-            pass
+        except (av.FFmpegError, OSError) as error:
+            check_memory(error)
         return
 
 
@@ -225,7 +227,7 @@ def _is_whole_riff(container: Any, end_byte: int) -> bool:
 def prepare_decoder(stream: Any, max_pixels: int, where: str) -> None:
     """Set up a stream's decoder; raises InputError if it is encrypted or its frames too large."""
     context = stream.codec_context
-    if str(context.codec_tag) in ("encv", "drmi"):
+    if codec_tag(context) in ("encv", "drmi"):
         raise InputError("the video is encrypted", where=where)
     check_pixels(context.width, context.height, max_pixels, where)
     options = {"max_pixels": decoder_limit(max_pixels)}

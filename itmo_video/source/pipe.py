@@ -20,6 +20,7 @@ from typing import Any
 import av
 
 from itmo_video.errors import InputError, UsageError
+from itmo_video.memory_limit import check_memory
 from itmo_video.source.decoding import Decoder, Numbered, Way, decode_all, decoder_of
 from itmo_video.source.packets import (
     CONTAINERS,
@@ -78,11 +79,9 @@ class PipeClip(VideoClip):
         try:
             self._open(options)
         except av.FFmpegError as error:
-            raise InputError(
-                f"is not a readable video ({error.strerror})",
-                where=self._where,
-                remedy=_REMEDY,
-            ) from error
+            check_memory(error)
+            what = f"is not a readable video ({error.strerror})"
+            raise InputError(what, where=self._where, remedy=_REMEDY) from error
         pictures = self._numbered(options.max_pixels)
         first = next(pictures, None)
         if first is None:
@@ -158,6 +157,7 @@ class PipeClip(VideoClip):
                 end = (packet.pos or 0) + packet.size
                 yield packet
         except (av.FFmpegError, OSError, IndexError) as error:
+            check_memory(error)
             self.broken = f"the stream breaks off ({getattr(error, 'strerror', None) or error})"
 
     def _check_end(self, end: int) -> None:

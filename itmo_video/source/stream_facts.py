@@ -22,7 +22,7 @@ from itmo_video.source.files import check_pixels
 from itmo_video.source.frame_timing import packet_notices, timing, timing_notices
 from itmo_video.source.packets import Packets, open_video, scan_packets
 from itmo_video.source.planes import Turn, picture_of, pixel_form, upright
-from itmo_video.source.streams import choose_video
+from itmo_video.source.streams import choose_video, codec_tag
 from itmo_video.source.stretches import numbered
 from itmo_video.source.tags import InputOptions
 from itmo_video.source.track_facts import TrackFacts
@@ -96,7 +96,7 @@ def facts_at(
     check_pixels(first.width, first.height, options.max_pixels, str(path))
     picture = picture_of(path, first)
     tagged, file = tags.read_tags(first, context), None if track is None else path
-    track = track or TrackFacts(sample_entry=str(context.codec_tag))
+    track = track or TrackFacts(sample_entry=codec_tag(context))
     hidden = _hidden_hdr(file, str(path), container, stream, track, first, tagged)
     if hidden is not None and not (options.force_sdr or options.transfer != "auto"):
         if not options.only_tells:

@@ -1,4 +1,4 @@
-"""Choosing the video stream of a file."""
+"""Choosing the video stream of a file, and its codec's tag."""
 
 from __future__ import annotations
 
@@ -46,6 +46,14 @@ def choose_video(container: Any, wanted: int | None, where: str) -> tuple[Any, s
         f"{len(films)} video streams: reading {_named(chosen)}, not {others} "
         "(choose another with --stream N)"
     )
+
+
+def codec_tag(context: Any) -> str:
+    """The four characters by which a container names the codec; empty if they are not ASCII."""
+    try:
+        return str(context.codec_tag)
+    except UnicodeDecodeError:  # PyAV on a damaged tag
+        return ""
 
 
 def _has(stream: Any, flags: int) -> bool:

@@ -12,6 +12,7 @@ import av
 import numpy as np
 
 from itmo_video.errors import DamagedInputError, InputError
+from itmo_video.memory_limit import check_memory
 from itmo_video.model import Frame
 from itmo_video.source.clip import Clip
 from itmo_video.source.deinterlace import LEAD_IN, deinterlaced
@@ -33,6 +34,7 @@ class VideoClip(Clip):
         try:
             self._facts, begun = find_facts(path, options, self._source)
         except av.FFmpegError as error:
+            check_memory(error)
             raise InputError(f"cannot be read ({error.strerror})", where=str(path)) from error
         if (fault := self._source.faults.get(path)) is not None:
             self.disk_fault = str(fault)

@@ -127,7 +127,7 @@ def wrong(place: Path, fault: str, command: str, whole: Callable[[str], object])
     if how.is_past:
         again = in_shell(place, line)
         made = content(place / out)
-        if again.returncode == 5 and done.returncode == 0 and made == whole(command):
+        if again.returncode == 5 and "file exists" in again.stderr and made == whole(command):
             return  # it had been written, and nothing is written over unasked
         if again.returncode or made != whole(command):
             yield f"the same command again: exit code {again.returncode}, {again.stderr[-300:]}"

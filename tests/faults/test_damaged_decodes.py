@@ -153,3 +153,14 @@ def test_a_y4m_that_breaks_off_is_cut_short(tmp_path: Path, fault: str) -> None:
     missing = "1 frame is missing" if fault == "a cut" else "5 frames are missing"
     with open_clip(path) as clip:
         assert any(missing in notice for notice in clip.info.notices), clip.info.notices
+
+
+def test_a_codec_tag_that_is_not_ascii(tmp_path: Path) -> None:
+    path = make_clip("mpeg4", tmp_path, frames=3, size=(64, 48))
+    data = path.read_bytes()
+    assert data.count(b"mp4v") == 1
+    path.write_bytes(data.replace(b"mp4v", b"mp\x8fv"))
+    with pytest.raises(UnicodeDecodeError), av.open(str(path)) as box:
+        assert box.streams.video[0].codec_context.codec_tag
+    with open_clip(path) as clip:
+        assert sum(1 for _ in clip.frames()) == 3
