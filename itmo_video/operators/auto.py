@@ -23,8 +23,14 @@ from itmo_video.colour.luminance import luminance_of
 from itmo_video.kernels import compiled_auto
 from itmo_video.kernels.dispatch import with_compiled_form
 from itmo_video.model import Float32, Half
-from itmo_video.operators.auto_clipping import bounded_parting, decided_together, known_clipped
+from itmo_video.operators.auto_clipping import known_clipped
 from itmo_video.operators.auto_levels import certainty, expected_levels, level_shares
+from itmo_video.operators.auto_parting import (
+    bounded_parting,
+    colour_lost,
+    colour_of_bright,
+    decided_together,
+)
 from itmo_video.operators.auto_rendering import GREATEST_WEIGHT, curve_weight, rendering_of
 from itmo_video.operators.base import Context, Guard, Parameter
 from itmo_video.operators.luminance_operator import weighed
@@ -61,8 +67,11 @@ def map_auto(rgb_linear: Float32, context: Context, wrap_x: bool = False) -> Flo
     levels = expected_levels(shares, (height, width), context.l_max, wrap_x)
     levels = np.pad(levels, ((0, 0), (pad, pad), (0, 0)), "wrap")
     known = context.recall("known", lambda: known_clipped(wide))
-    apart = bounded_parting(levels * known, wide, math.log2(max(context.l_max, 1)))
-    maps[..., :3] = decided_together(apart, wide)[:, pad : pad + width]
+    peak_stops = math.log2(max(context.l_max, 1 + 1e-6))
+    colour = context.recall("colour", lambda: colour_of_bright(wide))
+    lost = context.recall("lost", lambda: colour_lost(wide, colour)) * np.float32(1 / peak_stops)
+    apart = bounded_parting(levels * known, colour, lost, peak_stops)
+    maps[..., :3] = decided_together(apart, wide, lost)[:, pad : pad + width]
     seen = context.recall("rendering", lambda: rendering_of(rgb_linear))
     rendering = replace(seen, footage=context.footage)
     clipped = np.ascontiguousarray(known.max(-1)[:, pad : pad + width])

@@ -1,0 +1,149 @@
+"""How far the channels of clipped places may part from one another.
+
+A channel that clips alone takes the place's hue with it: an orange sky turns yellow. What did not
+clip around still shows that hue, so a channel may always part until the colour around is restored;
+further only where it is certain that it clips, and no further than the colour itself allows, as
+noise and compression decide which pixel clips. All by averages around, of analysis pictures.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import cv2
+import numpy as np
+
+from itmo_video.colour.luminance import greatest_of
+from itmo_video.model import Float32
+from itmo_video.operators.auto_clipping import (
+    AROUND_PX,
+    CLIPS_FROM,
+    CLIPS_WHOLLY,
+    NEAR_FROM,
+    NEAR_WHOLLY,
+    blurred,
+    share_of,
+)
+from itmo_video.operators.ramps import ramps
+
+FAR_AROUND_PX = 7.0  # standard deviation
+DECIDED_FROM, DECIDED_WHOLLY = 0.6, 0.95  # shares of what is bright around
+APART_STOPS, APART_POWER = 0.5, 1.5  # that a channel may part where the colour spans a stop
+FREE_FROM, FREE_WHOLLY = 0.87, 1.0  # of white, linear: the second channel around, which then clips
+SHOWN_FROM, SHOWN_WHOLLY = 0.2, 0.5  # of white, linear: bright enough to show its colour
+SHOWN_SHARE = 0.05  # of such pixels around tells the colour
+LUMINANCE = (0.213, 0.715, 0.072)
+_SMALLER = 4  # what is averaged far around is averaged at this part of the size
+_TRACE, _DARK = np.float32(1e-3), np.float32(1e-3)
+
+
+def colour_of_bright(rgb_linear: Float32) -> Float32:
+    """The mean of what is bright around, the place's own if nothing is: (H, W, 3)."""
+    bright = ramps(greatest_of(rgb_linear), NEAR_FROM, NEAR_WHOLLY)
+    own = _planes(rgb_linear)
+    around = _planes(blurred(_joined([plane * bright for plane in own]), AROUND_PX))
+    weight = blurred(bright, AROUND_PX) + _TRACE
+    return _joined([(far + _TRACE * near) / weight for far, near in zip(around, own, strict=True)])
+
+
+def colour_lost(rgb_linear: Float32, colour: Float32) -> Float32:
+    """Stops that each channel may part until the colour around is restored: (H, W, 3), from 0 on.
+
+    The colour around is that of the pixels that are bright but below white, the place's own its
+    `colour_of_bright`: a channel is short by what it has less of over each of the others, the
+    lesser of the two. At most as many stops as the place's own channels span, so that a white sky
+    between green leaves stays white; 0 where all around is clipped or dark.
+    """
+    height, width = rgb_linear.shape[:2]
+    size = _quarter(width, height)
+    greatest = greatest_of(rgb_linear)
+    shown = ramps(greatest, SHOWN_FROM, SHOWN_WHOLLY)
+    shown *= 1 - ramps(greatest, NEAR_FROM, NEAR_WHOLLY)
+    sigma = FAR_AROUND_PX / _SMALLER
+    weight = blurred(_small(shown, size), sigma)
+    seen = _small(_joined([plane * shown for plane in _planes(rgb_linear)]), size)
+    own = [np.log2(np.maximum(plane, _DARK)) for plane in _planes(_small(colour, size))]
+    span = cv2.max(cv2.max(own[0], own[1]), own[2]) - cv2.min(cv2.min(own[0], own[1]), own[2])
+    far = [np.log2(plane / (weight + _TRACE) + _DARK) for plane in _planes(blurred(seen, sigma))]
+    short = [there - here for there, here in zip(far, own, strict=True)]
+    most = span * np.minimum(weight * np.float32(1 / SHOWN_SHARE), 1)
+    lost = [np.clip(short[i] - cv2.max(short[i - 1], short[i - 2]), 0, most) for i in range(3)]
+    full = cv2.resize(_joined(lost), (width, height), interpolation=cv2.INTER_LINEAR)
+    return np.asarray(full, np.float32).reshape(height, width, 3)
+
+
+def bounded_parting(levels: Float32, colour: Float32, lost: Float32, peak_stops: float) -> Float32:
+    """Levels of R, G and B that part no further than the colour allows: float32 (H, W, 3).
+
+    Where one channel alone clips, by APART_STOPS times the stops between the greatest and the least
+    of `colour_of_bright` to the power of APART_POWER: a pale sky's blue that clips a little stays
+    that sky's, an orange sky's red is restored; or by what is `lost` if that is more. Where the
+    second channel clips, too, it tells nothing of the colour, and there is no bound. Levels and
+    `lost` are over `peak_stops`, log2 L'max.
+    """
+    # By planes: NumPy along an axis of three takes ten times as long.
+    red, green, blue = _planes(colour)
+    greatest, least = cv2.max(cv2.max(red, green), blue), cv2.min(cv2.min(red, green), blue)
+    second = red + green + blue - greatest - least
+    span_stops = np.log2(np.maximum(greatest, _DARK) / np.maximum(least, _DARK))
+    most = np.float32(APART_STOPS / max(peak_stops, 1e-6)) * span_stops**APART_POWER
+    known = _planes(levels)
+    common = cv2.min(cv2.min(known[0], known[1]), known[2])
+    free = ramps(second, FREE_FROM, FREE_WHOLLY)
+    bounded = []
+    for plane, short in zip(known, _planes(lost), strict=True):
+        parted = plane - common
+        held = np.minimum(parted, cv2.max(most, short))
+        bounded.append(common + held + free * (parted - held))
+    return _joined(bounded)
+
+
+def decided_together(stops: Float32, rgb_linear: Float32, lost: Float32) -> Float32:
+    """Stops of R, G and B that differ only where it is certain what clips: float32 (H, W, 3).
+
+    Where no channel clips throughout, their luminance-weighted mean is as estimated, and they
+    differ by what is `lost` at most (`colour_lost`, in the unit of `stops`). All are (H, W, 3).
+    """
+    height, width = rgb_linear.shape[:2]
+    size = _quarter(width, height)
+    bright = _small(ramps(greatest_of(rgb_linear), NEAR_FROM, NEAR_WHOLLY), size)
+    clips = _small(ramps(rgb_linear, CLIPS_FROM, CLIPS_WHOLLY), size)
+    share = greatest_of(share_of(clips, bright[..., None], FAR_AROUND_PX / _SMALLER))
+    share = cv2.resize(share, (width, height), interpolation=cv2.INTER_LINEAR)
+    decided = ramps(
+        np.asarray(share, np.float32).reshape(height, width), DECIDED_FROM, DECIDED_WHOLLY
+    )
+    own = _planes(stops)
+    common = cv2.min(cv2.min(own[0], own[1]), own[2])
+    little = [
+        np.minimum(plane - common, short) for plane, short in zip(own, _planes(lost), strict=True)
+    ]
+    even = _luminance(own) - _luminance(little)
+    return _joined(
+        [
+            even + part + decided * (plane - even - part)
+            for plane, part in zip(own, little, strict=True)
+        ]
+    )
+
+
+def _luminance(planes: Sequence[Float32]) -> Float32:
+    red, green, blue = (np.float32(w) * p for w, p in zip(LUMINANCE, planes, strict=True))
+    return np.asarray(red + green + blue, np.float32)
+
+
+def _quarter(width: int, height: int) -> tuple[int, int]:
+    return max(1, width // _SMALLER), max(1, height // _SMALLER)
+
+
+def _small(planes: Float32, size: tuple[int, int]) -> Float32:
+    small = cv2.resize(planes, size, interpolation=cv2.INTER_AREA)
+    return np.asarray(small, np.float32).reshape(*size[::-1], *planes.shape[2:])
+
+
+def _planes(rgb: Float32) -> list[Float32]:
+    return [np.asarray(plane, np.float32).reshape(rgb.shape[:2]) for plane in cv2.split(rgb)]
+
+
+def _joined(planes: Sequence[Float32]) -> Float32:
+    return np.asarray(cv2.merge(planes), np.float32).reshape(*planes[0].shape, len(planes))
