@@ -69,6 +69,20 @@ def write_film(
     return path
 
 
+def write_noise(path: Path, codec: str, count: int, *, seed: int) -> Path:
+    """A film 4:2:0 of white noise, 160x96 at 25 fps: packets that fill the file evenly."""
+    noise = np.random.default_rng(seed)
+    with av.open(str(path), "w") as box:
+        stream = box.add_stream(codec, rate=25)
+        stream.width, stream.height, stream.pix_fmt = 160, 96, "yuv420p"
+        for index in range(count):
+            frame = av.VideoFrame.from_ndarray(noise.integers(0, 256, (96, 160, 3), np.uint8))
+            frame.pts = index
+            box.mux(stream.encode(frame))
+        box.mux(stream.encode())
+    return path
+
+
 def moving_scene(
     count: int, *, width: int = 96, height: int = 64, cuts: tuple[int, ...] = (), seed: int = 0
 ) -> Iterable[npt.NDArray[np.uint8]]:

@@ -8,10 +8,9 @@ import subprocess
 import sys
 from pathlib import Path
 
-import av
 import numpy as np
 import pytest
-from clips import SHARED, moving_scene, write_ffv1
+from clips import SHARED, moving_scene, write_ffv1, write_noise
 
 from itmo_video.cli.main import main
 from itmo_video.cli.outcome import interrupted
@@ -169,13 +168,18 @@ def test_sample_clips_convert(tmp_path: Path, name: str) -> None:
     assert len(list((tmp_path / "o").glob("*.exr"))) == 7
 
 
-def test_of_several_inputs_each_gets_its_own_folder(tmp_path: Path) -> None:
+def test_of_several_inputs_each_gets_its_own_folder(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     a = write_ffv1(tmp_path / "a.mkv", moving_scene(2))
     b = write_ffv1(tmp_path / "b.mkv", moving_scene(3, seed=4))
     bad = tmp_path / "bad.mkv"
     bad.write_bytes(b"not a video")
     out = tmp_path / "out"
-    assert main(["convert", str(a), str(bad), str(b), str(out), "--quiet"]) == 3
+    assert main(["convert", str(a), str(bad), str(b), str(out)]) == 3
+    *_, before, last = capsys.readouterr().err.splitlines()
+    assert before.startswith(f"itmo-video: 3 of 3: {out / 'b'}/: 3 frames rendered")
+    assert last == f"itmo-video: 1 of 3 inputs had errors: {bad} (exit code 3)"
     assert len(list((out / "a").glob("a.*.exr"))) == 2
     assert len(list((out / "b").glob("b.*.exr"))) == 3, "a bad input kept the next from being made"
     assert main(["convert", str(a), str(a), str(out), "--quiet"]) == 2
@@ -184,18 +188,10 @@ def test_of_several_inputs_each_gets_its_own_folder(tmp_path: Path) -> None:
 def test_damage_is_reported_again_when_the_command_is_run_again(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    clip = tmp_path / "a.avi"
-    with av.open(str(clip), "w") as box:
-        stream = box.add_stream("mpeg4", rate=25)
-        stream.width, stream.height, stream.pix_fmt = 160, 96, "yuv420p"
-        noise = np.random.default_rng(3)
-        for _ in range(12):
-            codes = noise.integers(0, 256, (96, 160, 3), np.uint8)
-            box.mux(stream.encode(av.VideoFrame.from_ndarray(codes, "rgb24")))
-        box.mux(stream.encode())
+    clip = write_noise(tmp_path / "a.avi", "mpeg4", 12, seed=3)
     data = bytearray(clip.read_bytes())
     at = data.index(b"movi") + (len(data) - data.index(b"movi")) // 2
-    data[at : at + 400] = noise.bytes(400)
+    data[at : at + 400] = np.random.default_rng(4).bytes(400)
     clip.write_bytes(data)
     said = []
     for _ in range(2):

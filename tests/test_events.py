@@ -138,6 +138,14 @@ def test_a_terminal_has_one_line_of_progress_and_what_follows_stands_below(
     assert "] 3/3 frames, " in lines[2]
     assert "-" not in lines[2].split("]")[0]
     assert lines[3:] == ["itmo-video: out/: 3 frames rendered, peak 812 nits, 1.0 s, 1.0 MB", ""]
+    stream = _Terminal()
+    several = Progress(as_json=False, quiet=False, stream=stream, about="-", place="2 of 4")
+    with several.on("-") as on_event:
+        on_event(Started("-", "-", 0, 0))
+        on_event(Finished(written=3, present=0, seconds=1.0, bytes_written=1_000_000))
+    first, last, _ = stream.getvalue().split("\n")
+    assert first.startswith("\r2 of 4: opening standard input\r2 of 4: standard input 0 frames")
+    assert last == "itmo-video: 2 of 4: standard output: 3 frames rendered, 1.0 s, 1.0 MB"
     piped = io.StringIO()
     Progress(as_json=False, quiet=False, stream=piped).on_event(FrameDone(1, 1, 3))
     assert piped.getvalue() == "", "progress is for terminals"

@@ -7,6 +7,7 @@ import shutil
 import struct
 import subprocess
 import zlib
+from contextlib import closing
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
@@ -238,7 +239,7 @@ def test_hevc_of_few_frames_has_times(tmp_path: Path, frames: int) -> None:
     grey = (np.full((48, 64), 512, np.uint16), *[np.full((24, 32), 512, np.uint16)] * 2)
     for number in range(12):
         path = tmp_path / f"{number}.mp4"
-        with FilmWriter(Gate(path, FILM), spec) as film:
+        with closing(FilmWriter(Gate(path, FILM), spec)) as film:
             for index in range(frames):
                 film.write(grey, index * base)
             film.finish(None)

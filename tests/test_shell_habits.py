@@ -7,6 +7,7 @@ import json
 import os
 import re
 from collections.abc import Sequence
+from contextlib import closing
 from pathlib import Path
 
 import numpy as np
@@ -173,7 +174,7 @@ def test_a_log_whose_disk_is_full_is_told_once(
     def full(descriptor: int, data: Sequence[int]) -> int:
         raise OSError(28, "No space left on device")
 
-    with LogFile(tmp_path / "a.log") as log:
+    with closing(LogFile(tmp_path / "a.log")) as log:
         monkeypatch.setattr(os, "write", full)
         log.write("one")
         log.write("two")

@@ -6,13 +6,14 @@ import json
 import re
 import subprocess
 import sys
+import time
 from html.parser import HTMLParser
 from pathlib import Path
 from urllib.parse import unquote, urlsplit
 
 import cv2
 import pytest
-from browser import chromium
+from browser import chromium, until
 from clips import moving_scene, write_ffv1
 from command import REPOSITORY
 
@@ -139,16 +140,23 @@ def test_search_works_from_the_disk_and_no_page_is_wider_than_a_phone(site: Path
         asked: list[str] = []
         tab.on("request", lambda request: asked.append(request.url))
         tab.goto((site / "index.html").as_uri())
-        for _ in range(60):  # the index loads in a worker; results come when it is there
-            tab.keyboard.press("/")
+        results = tab.locator('a[href*="h=resume"]')
+
+        def is_found() -> bool:
+            """Type until results come: keys are lost before the page's worker has its index."""
+            for key in ("Escape", "/", "Control+a"):
+                tab.keyboard.press(key)
             tab.keyboard.type("resume", delay=20)
-            tab.wait_for_timeout(500)
-            tab.keyboard.press("Enter")
-            tab.wait_for_timeout(200)
-            if "convert.html" in tab.url:
-                break
-            tab.keyboard.press("Escape")
-        assert "convert.html" in tab.url
+            end = time.monotonic() + 5
+            while time.monotonic() < end:
+                if results.count() and "convert.html" in results.first.get_attribute("href"):
+                    return True
+                tab.wait_for_timeout(50)
+            return False
+
+        until(is_found, lambda: f"found: {[link.text_content() for link in results.all()]}")
+        tab.keyboard.press("Enter")
+        tab.wait_for_url(re.compile("convert.html"), wait_until="commit", timeout=60_000)
         tab.set_viewport_size({"width": 420, "height": 900})
         for name in ("index", "guide/convert", "reference/settings", "quality"):
             tab.goto((site / f"{name}.html").as_uri())

@@ -9,6 +9,7 @@ from pathlib import Path
 import av
 import numpy as np
 import pytest
+from clips import write_noise
 from oracles import to_rgb_code
 
 from itmo_video.errors import AlreadyHdrError, InputError, UsageError
@@ -385,17 +386,7 @@ def test_hdr10_without_a_transfer_tag_is_refused(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(("start", "size"), [(0.3, 7000), (0.5, 40000), (0.7, 12000)])
 def test_frames_that_a_damaged_wmv_lost_are_missed(tmp_path: Path, start: float, size: int) -> None:
-    path = tmp_path / "a.wmv"
-    with av.open(str(path), "w") as box:
-        stream = box.add_stream("wmv2", rate=25)
-        stream.width, stream.height, stream.pix_fmt = 160, 96, "yuv420p"
-        noise = np.random.default_rng(5)
-        for index in range(40):
-            rgb = noise.integers(0, 256, (96, 160, 3), np.uint8)
-            frame = av.VideoFrame.from_ndarray(rgb, "rgb24")
-            frame.pts = index
-            box.mux(stream.encode(frame))
-        box.mux(stream.encode())
+    path = write_noise(tmp_path / "a.wmv", "wmv2", 40, seed=5)
     with open_clip(path) as clip:
         assert (clip.info.frames, clip.info.frames_declared) == (40, 40)
     data = bytearray(path.read_bytes())

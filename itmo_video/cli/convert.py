@@ -10,9 +10,11 @@ from pathlib import Path
 from typing import Any
 
 from itmo_video.cli.config_file import options_said, tell_config
+from itmo_video.cli.log_file import LogFile
 from itmo_video.cli.outcome import reported
 from itmo_video.cli.run_flags import add_run_options, progress_of
 from itmo_video.cli.settings_flags import add_settings, in_words, settings_of
+from itmo_video.cli.terminal import named
 from itmo_video.conversion.run_options import RunOptions
 from itmo_video.errors import DamagedInputError, ItmoError, UsageError
 from itmo_video.html_report.report_options import ReportOptions
@@ -69,27 +71,38 @@ def _convert(args: argparse.Namespace) -> int:
     asked: RunOptions = options_said(args, RunOptions)
     tell_config(args, Settings, RunOptions)
     kinds = _side_files(args.side_files, settings, asked)
-    code = 0
+    failed: list[tuple[str, int]] = []  # inputs and their exit codes
     found = outputs.named(args.inputs, args.output, args.name)
+    count = len(found.conversions)
     if not args.quiet:
         for notice in found.notices:
             print(f"itmo-video: {notice}", file=sys.stderr)
-    for source, output, frames in found.conversions:
+    for number, (source, output, frames) in enumerate(found.conversions, 1):
         run = replace(asked, frames=frames if asked.frames is None else asked.frames)
         try:
-            _convert_one(
-                args, source, output, settings, run, None if len(found.conversions) == 1 else source
-            )
+            place = f"{number} of {count}" if count > 1 else None
+            _convert_one(args, source, output, settings, run, place)
             if kinds and not (args.verify or args.dry_run):
                 from itmo_video.delivery.side_files import write_side_files
 
                 write_side_files(output, kinds)
         except ItmoError as error:
-            if len(found.conversions) == 1:
+            if count == 1:
                 raise
             # One bad input of many must not stop the others.
-            code = max(code, reported(error, args.log_file))
-    return code
+            failed.append((source, reported(error, args.log_file)))
+    if failed:
+        _sum_up(failed, count, args.log_file)
+    return max((code for _, code in failed), default=0)
+
+
+def _sum_up(failed: list[tuple[str, int]], count: int, log: LogFile | None) -> None:
+    """Name the inputs of a batch that had errors in its last line; the errors may be far above."""
+    names = ", ".join(f"{source} (exit code {code})" for source, code in failed)
+    message = f"{len(failed)} of {count} inputs had errors: {names}"
+    print(named(message, sys.stderr, "red"), file=sys.stderr)
+    if log is not None:
+        log.write(message)
 
 
 def _side_files(text: str | None, settings: Settings, run: RunOptions) -> list[str]:
@@ -109,7 +122,7 @@ def _convert_one(
     output: str,
     settings: Settings,
     run: RunOptions,
-    about: str | None,
+    place: str | None,
 ) -> None:
     from itmo_video.conversion import checking
     from itmo_video.conversion.convert import convert
@@ -146,7 +159,7 @@ def _convert_one(
     page = ReportOptions(clip=Path(source), overwrite=run.overwrite)
     if args.report and os.path.isdir(output):
         report_gate(Path(output), page, None).check()
-    progress = progress_of(args, about)
+    progress = progress_of(args, None if place is None else source, place)
     progress.detail(in_words(settings))
     damage: DamagedInputError | None = None
     try:

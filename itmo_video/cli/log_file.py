@@ -11,7 +11,6 @@ import threading
 from collections.abc import Sequence
 from contextlib import suppress
 from datetime import UTC, datetime
-from types import TracebackType
 
 from itmo_video.errors import OutputError
 from itmo_video.output.atomic import StrPath, output_error
@@ -45,15 +44,8 @@ class LogFile:
             raise
         self._descriptor = descriptor
 
-    def __enter__(self) -> LogFile:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        value: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def close(self) -> None:
+        """Close the file."""
         with suppress(OSError):
             os.close(self._descriptor)
 

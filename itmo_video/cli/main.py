@@ -68,7 +68,8 @@ def _run(said: Sequence[str], log: list[LogFile], closing: ExitStack) -> int:
         args = _parser().parse_args(said)
         args.log_file = None
         if getattr(args, "log", None) is not None:
-            args.log_file = closing.enter_context(LogFile(args.log))
+            args.log_file = LogFile(args.log)
+            closing.callback(args.log_file.close)
             args.log_file.began(said)
             log.append(args.log_file)
         code = int(args.run(args) or 0)

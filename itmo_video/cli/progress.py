@@ -23,8 +23,8 @@ _BAR, _NAME = 24, 30  # columns at most
 class Progress:
     """Prints events: as JSON on standard output, or on standard error, with a bar on terminals.
 
-    `is_verbose` prints a line for each frame; `log` always records them. `about` is the input that
-    notices refer to, if a command has several.
+    `is_verbose` prints a line for each frame; `log` always records them. Of a command with several
+    inputs, `about` is the one that notices refer to and `place` says which it is: "2 of 4".
     """
 
     def __init__(
@@ -36,10 +36,12 @@ class Progress:
         is_verbose: bool = False,
         log: LogFile | None = None,
         about: str | None = None,
+        place: str | None = None,
     ) -> None:
         self._as_json, self._quiet, self._is_verbose = as_json, quiet, is_verbose
         self._log = log
         self._about = f"{about}: " if about else ""
+        self._place = f"{place}: " if place else ""
         self._stream = stream or sys.stderr
         self._has_bar = self._stream.isatty() and not (quiet or is_verbose)
         self._began = time.monotonic()
@@ -54,7 +56,7 @@ class Progress:
             self._tell(json.dumps(as_json(event)))
         match event:
             case Started(source, output, frames, present):
-                self._name, self._output = os.path.basename(os.path.normpath(source)), output
+                self._name, self._output = self._placed(source), output
                 self._began = time.monotonic()
                 to = f" to {output}" if output else ""
                 there = f", {present} already present" if present else ""
@@ -77,9 +79,10 @@ class Progress:
 
         At the end, the line is terminated.
         """
-        self._name = os.path.basename(os.path.normpath(source))
+        self._name = self._placed(source)
         if self._has_bar:
-            self._show(f"opening {self._name}"[: width_of(self._stream) - 1])
+            opening = f"{self._place}opening {self._name.removeprefix(self._place)}"
+            self._show(opening[: width_of(self._stream) - 1])
         try:
             yield self.on_event
         finally:
@@ -98,6 +101,10 @@ class Progress:
         if self._shown:
             print(file=self._stream)
         self._shown = 0
+
+    def _placed(self, source: str) -> str:
+        name = "standard input" if source == "-" else os.path.basename(os.path.normpath(source))
+        return f"{self._place}{name}"
 
     def _say(self, message: str, colour: str | None = None) -> None:
         if self._log is not None:
@@ -118,7 +125,8 @@ class Progress:
             self._lost = error
 
     def _sum_up(self, event: Finished) -> None:
-        where = f"{self._output}: " if self._output else ""
+        output = "standard output" if self._output == "-" else self._output
+        where = f"{self._place}{output}: " if output else self._place
         present = f", {event.present} already present" if event.present else ""
         # EXRs have a peak in their own primaries; what is in BT.2020 has MaxCLL, often lower.
         brightest = f", peak {event.peak_nits:.0f} nits" if event.peak_nits else ""

@@ -60,11 +60,13 @@ def add_telling(group: Any, *, has_json: bool = True) -> None:
         )
 
 
-def progress_of(args: argparse.Namespace, about: str | None = None) -> Progress:
-    """A reporter by the flags of `add_telling`; `about` is the input, if there are several."""
+def progress_of(
+    args: argparse.Namespace, about: str | None = None, place: str | None = None
+) -> Progress:
+    """A reporter by the flags of `add_telling`; of several inputs, `about` is this one."""
     from itmo_video.cli.progress import Progress
 
     return Progress(
         as_json=getattr(args, "json", False), quiet=args.quiet, is_verbose=args.verbose,
-        log=args.log_file, about=about,
+        log=args.log_file, about=about, place=place,
     )  # fmt: skip

@@ -7,7 +7,6 @@ from collections.abc import Iterator
 from contextlib import suppress
 from fractions import Fraction
 from pathlib import Path
-from types import TracebackType
 from typing import Any
 
 import av
@@ -46,10 +45,10 @@ _X265_REORDERS = 2
 class FilmWriter:
     """Writes a film under a temporary name; `finish` completes and renames it.
 
-    In `with`, an unfinished film is removed. Sound and chapters are copied unchanged from `source`;
-    InputError unless it is a regular file in a known container. `first_s` is the first frame's time
-    in the source. A whole film starts at 0, wherever its source does; for a range of frames, sound
-    before and after it is omitted. `notices` lists what is not copied.
+    `close` removes an unfinished film (contextlib.closing). Sound and chapters are copied unchanged
+    from `source`; InputError unless it is a regular file in a known container. `first_s` is the
+    first frame's time in the source. A whole film starts at 0, wherever its source does; for a
+    range of frames, sound before and after it is omitted. `notices` lists what is not copied.
     """
 
     def __init__(
@@ -98,17 +97,6 @@ class FilmWriter:
         except (av.FFmpegError, OSError, ValueError) as error:
             self.close()
             raise _failure(error, path, self._source is not None) from error
-
-    def __enter__(self) -> FilmWriter:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        value: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.close()
 
     def write(
         self,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import closing
 from dataclasses import replace
 from fractions import Fraction
 from math import gcd
@@ -78,7 +79,7 @@ def write_film(
             raise DamagedInputError("no frame could be rendered", where=str(pictures.clip))
         height, width = first.planes[0].shape
         spec = replace(spec, width=width, height=height, has_alpha=first.alpha is not None)
-        with _writer(output, gate, spec, options, pictures, run, first.time_s) as writer:
+        with closing(_writer(output, gate, spec, options, pictures, run, first.time_s)) as writer:
             for notice in writer.notices:
                 on_event(Warned(notice))
             if first.has_alpha and options.codec in MASTERS and not keeps_alpha:

@@ -67,18 +67,21 @@ class SourceFiles:
             self.check(path)
         return together.hexdigest()
 
-    def check(self, path: Path) -> None:
-        """Raise DamagedInputError if `path` has changed."""
-        before = self._stamps[path]
+    def change_of(self, path: Path) -> str | None:
+        """What happened to `path`: "was removed", "changed", or None."""
         now = _stamp(path)
-        if now == before:
-            return
-        what = "was removed" if now is None else "changed"
-        raise ReplacedInputError(
-            f"the file {what} while it was being read",
-            where=os.fspath(path),
-            remedy="Restore it, then run the same command again.",
-        )
+        if now == self._stamps[path]:
+            return None
+        return "was removed" if now is None else "changed"
+
+    def check(self, path: Path) -> None:
+        """Raise ReplacedInputError if `path` was removed or changed."""
+        if (change := self.change_of(path)) is not None:
+            raise ReplacedInputError(
+                f"the file {change} while it was being read",
+                where=os.fspath(path),
+                remedy="Restore it, then run the same command again.",
+            )
 
 
 def content_digest(paths: Sequence[Path]) -> str:

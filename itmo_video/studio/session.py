@@ -5,6 +5,7 @@ The pictures come from the renderer's own functions; intermediate results are ca
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Hashable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
@@ -139,14 +140,12 @@ class Session:
         """
         near = slice(None) if index is None else slice(max(0, index - _NEAR), index + _NEAR)
         for path in self._files[near] if len(self._files) > 1 else self._files:
-            try:
-                self._as_opened.check(path)
-            except ReplacedInputError as error:
+            if (change := self._as_opened.change_of(path)) is not None:
                 raise ReplacedInputError(
-                    f"{error.what.partition(' while')[0]} since the studio opened it",
-                    where=error.where,
+                    f"the file {change} since the studio opened it",
+                    where=os.fspath(path),
                     remedy="Restore it, or restart the studio.",
-                ) from error
+                )
 
     def frame(self, index: int) -> Frame:
         """The decoded frame at `index`; raises DamagedInputError if it cannot be decoded."""

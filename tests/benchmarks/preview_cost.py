@@ -14,6 +14,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -55,7 +56,7 @@ def measure(clip: Path, frames: int, codec: Any, speed: str, out: Path) -> tuple
     finally:
         FilmWriter.__init__, FilmWriter.write = begin, write  # type: ignore[method-assign]
     start = time.process_time()
-    with FilmWriter(Gate(out / f"alone{speed}.mp4", FILM), asked[0]) as film:
+    with closing(FilmWriter(Gate(out / f"alone{speed}.mp4", FILM), asked[0])) as film:
         for args, more in made:
             film.write(*args, **more)
         film.finish(Light(1000, 100))
