@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import re
+import tokenize
 from pathlib import Path
 
 import pytest
@@ -123,12 +124,17 @@ def test_the_docs_use_the_terms_of_the_trade() -> None:
     assert not {name: found for name, found in wrong.items() if found}
 
 
-def test_messages_help_and_docstrings_use_the_terms_of_the_trade() -> None:
+def test_messages_help_docstrings_and_comments_use_the_terms_of_the_trade() -> None:
     wrong = []
     for path in sorted((REPOSITORY / "itmo_video").rglob("*.py")):
         for node in ast.walk(ast.parse(path.read_text("utf-8"))):
             if isinstance(node, ast.Constant) and isinstance(node.value, str) and " " in node.value:
                 wrong += [f"{path.name}:{node.lineno}: {said}" for said in _flagged(node.value)]
+        with path.open("rb") as code:
+            for token in tokenize.tokenize(code.readline):
+                if token.type == tokenize.COMMENT:
+                    where = f"{path.name}:{token.start[0]}"
+                    wrong += [f"{where}: {said}" for said in _flagged(token.string)]
     assert not wrong
 
 

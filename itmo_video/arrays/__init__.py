@@ -1,1 +1,1 @@
-"""Pictures as NumPy arrays: expanded without files, and read back from a converted folder."""
+"""Pictures as NumPy arrays: expanded without files, or read from a converted folder."""

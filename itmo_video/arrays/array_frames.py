@@ -1,4 +1,4 @@
-"""Arrays as a source of frames: checked, and brought to the codes that the renderer reads."""
+"""Arrays as a source of frames: validated and converted to codes for the renderer."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from itmo_video.model import Code, Encoding, Frame, Primaries, Transfer
 from itmo_video.settings import Settings
 
 PRIMARIES: tuple[Primaries, ...] = get_args(Primaries)
-_RATE = Fraction(24)  # arrays have no times, and nothing of a picture depends on them
+_RATE = Fraction(24)  # arrays have no times, and pictures do not depend on them
 _OF_FILES = ("matrix", "range", "deinterlace", "fps", "stream", "raw")
 
 
 class ArrayFrames:
-    """An iterable of pictures as frames of codes; it is gone through once, from its start."""
+    """An iterable of pictures as frames of codes; it is read once, from its start."""
 
     def __init__(
         self,
@@ -29,13 +29,13 @@ class ArrayFrames:
         primaries: Primaries,
         bit_depth: int | None,
     ) -> None:
-        """Raises UsageError for settings that arrays have no use for."""
+        """Raises UsageError for settings that do not apply to arrays."""
         plain = Settings()
         for name in _OF_FILES:
             if getattr(settings, name) != getattr(plain, name):
                 raise UsageError(
-                    f"{name} says how files are read; arrays are RGB of full range",
-                    remedy="Leave it as it is by default.",
+                    f"{name} applies to files; arrays are full-range RGB",
+                    remedy="Omit it.",
                 )
         if primaries not in PRIMARIES:
             raise UsageError(f"primaries must be one of {', '.join(PRIMARIES)}, not {primaries!r}")
@@ -45,10 +45,10 @@ class ArrayFrames:
     def frames(self, start: int = 0) -> Iterator[Frame]:
         """Yield the pictures as frames, from the first on.
 
-        Raises UsageError for what is not a picture, AlreadyHdrError for light above white, and
-        DamagedInputError where a picture has another size than the first.
+        Raises UsageError for anything that is not a picture, AlreadyHdrError for light above white,
+        and DamagedInputError if a picture differs in size from the first.
         """
-        assert start == 0, "an iterable has only its start"
+        assert start == 0, "an iterable can only be read from its start"
         size: tuple[int, int] | None = None
         kind: np.dtype[Any] | None = None
         for index, given in enumerate(self._pictures):
@@ -56,9 +56,9 @@ class ArrayFrames:
             kind = kind or picture.dtype
             if picture.dtype != kind:
                 raise UsageError(
-                    f"it is of {picture.dtype}, the first of {kind}",
+                    f"is {picture.dtype}, but the first is {kind}",
                     where=f"picture {index}",
-                    remedy="Codes and linear light are no one film: bring all to one form.",
+                    remedy="Convert all pictures to one form: codes, or linear light.",
                 )
             frame = self._frame(index, picture)
             size = size or frame.size
@@ -75,14 +75,14 @@ class ArrayFrames:
             raise UsageError(
                 f"an array of shape {picture.shape} is not a picture",
                 where=where,
-                remedy="Pictures are RGB, of the shape (height, width, 3).",
+                remedy="Pictures are RGB, with the shape (height, width, 3).",
             )
         transfer = _transfer_of(picture, self._transfer, where)
         if np.issubdtype(picture.dtype, np.floating):
             codes, bit_depth = _codes_of_light(picture, where), 16
         else:
             codes, bit_depth = picture, _depth_of(picture, self._bit_depth, where)
-        # Copies: who hands in the array may fill it anew for the next picture.
+        # Copies: the caller may reuse the array for the next picture.
         planes = cast(tuple[Code, ...], tuple(codes[..., i].copy() for i in range(3)))
         encoding = Encoding("rgb", bit_depth, "bt709", "full", transfer, self._primaries)
         return Frame(index, index / _RATE, planes, encoding)
@@ -93,9 +93,9 @@ def _transfer_of(picture: npt.NDArray[Any], transfer: str, where: str) -> Transf
         return "srgb" if transfer == "auto" else cast(Transfer, transfer)
     if transfer not in ("auto", "linear"):
         raise UsageError(
-            f"floats are linear light, transfer is set to {transfer}",
+            f"floats are linear light, but transfer is {transfer}",
             where=where,
-            remedy="Hand in uint8 or uint16 codes, or leave transfer as it is by default.",
+            remedy="Pass uint8 or uint16 codes, or omit transfer.",
         )
     return "srgb"
 
@@ -106,29 +106,29 @@ def _depth_of(picture: npt.NDArray[Any], bit_depth: int | None, where: str) -> i
         raise UsageError(
             f"an array of {picture.dtype} is not a picture",
             where=where,
-            remedy="Codes are uint8 or uint16, linear light (SDR white = 1) is of floats.",
+            remedy="Codes are uint8 or uint16; linear light (SDR white = 1) is floating point.",
         )
     depth = most if bit_depth is None else bit_depth
     if isinstance(depth, bool) or not isinstance(depth, int):
         raise UsageError(f"bit_depth must be a whole number, not {bit_depth!r}")
     if not 8 <= depth <= most or (depth == 8) != (most == 8):
-        raise UsageError(f"{picture.dtype} does not hold {depth} bits as codes do", where=where)
+        raise UsageError(f"{picture.dtype} cannot hold codes of {depth} bits", where=where)
     if (top := int(picture.max())) >= 2**depth:
-        raise UsageError(f"its highest code is {top}, more than {depth} bits", where=where)
+        raise UsageError(f"the highest code is {top}, more than {depth} bits hold", where=where)
     return depth
 
 
 def _codes_of_light(picture: npt.NDArray[Any], where: str) -> Code:
-    """Linear light, 0 to 1, as 16-bit sRGB codes: off by 6e-7 of white in the dark, 1e-5 above."""
+    """Linear light, 0 to 1, as 16-bit sRGB codes: within 6e-7 in the dark, 1e-5 elsewhere."""
     low, high = float(picture.min()), float(picture.max())
     if not np.isfinite(low + high):
-        raise UsageError("it holds values that are not finite", where=where)
+        raise UsageError("contains values that are not finite", where=where)
     if high > 1:
         raise AlreadyHdrError(
-            f"its light is up to {high:g} times SDR white: it is already HDR",
+            f"already HDR: up to {high:g} times SDR white",
             where=where,
-            remedy="SDR white is 1; if it only overshoots, numpy.clip(rgb, 0, 1).",
+            remedy="SDR white is 1; if it only overshoots, use numpy.clip(rgb, 0, 1).",
         )
     if low < 0:
-        raise UsageError(f"its light is down to {low:g}", where=where, remedy="numpy.clip it at 0.")
+        raise UsageError(f"contains negative light, {low:g}", where=where, remedy="Use numpy.clip.")
     return np.asarray(np.rint(inverse_eotf(picture, "srgb") * 65535), np.uint16)

@@ -1,4 +1,4 @@
-"""Arrays in, HDR arrays out: one picture, or a stream of them with the map carried along motion."""
+"""Arrays in, HDR arrays out: one picture, or a stream with the map carried along motion."""
 
 from __future__ import annotations
 
@@ -29,11 +29,11 @@ from itmo_video.settings import Settings
 
 @dataclass(frozen=True, eq=False)
 class Expanded:
-    """One HDR picture, and what it was made with.
+    """One HDR picture, and the settings it was made with.
 
     `rgb` is linear light, float16 (H, W, 3), in the primaries that `settings` name; 1.0 is SDR
-    white, `settings.white_nits` cd/m2. `layers` are planes (H, W) by name, as `settings.layers`
-    asked for: expand_map, gain, clip_mask. `index` counts the source's pictures from 0.
+    white, `settings.white_nits` cd/m2. `layers` are planes (H, W) by name, those of
+    `settings.layers`: expand_map, gain, clip_mask. `index` counts the source's pictures from 0.
 
     >>> import numpy as np
     >>> from itmo_video import expand
@@ -56,7 +56,7 @@ def expand(
     primaries: Primaries = "rec709",
     bit_depth: int | None = None,
 ) -> Expanded:
-    """Expand one SDR picture, as `convert` does a still; see `expand_frames` for what it may be.
+    """Expand one SDR picture, as `convert` does a still; `expand_frames` says what it may be.
 
     >>> import numpy as np
     >>> from itmo_video import expand, make_settings
@@ -81,16 +81,16 @@ def expand_frames(
     bit_depth: int | None = None,
     jobs: int | None = None,
 ) -> Generator[Expanded, None, None]:
-    """Expand SDR pictures in their order, the map made at keyframes and tracked, as `convert` does.
+    """Expand SDR pictures in order, with the map of keyframes tracked, as `convert` does.
 
     Pictures are RGB (H, W, 3) of one size: uint8 or uint16 codes of full range (of `bit_depth`,
     else 8 or 16), by the settings' transfer (auto: sRGB); or floats, linear light from 0 to SDR
-    white at 1. `primaries` are theirs. They are read ahead by a bounded window: some tens of
-    frames, whatever the length. While the generator runs, OpenCV keeps to one thread.
+    white at 1. `primaries` are those of the pictures. They are read ahead by a bounded window of
+    some tens of frames, for any length. While the generator runs, OpenCV uses one thread.
 
-    `settings` may be a preset's name; without them it is by `default`. Raises UsageError for
-    settings or arrays that do not fit, AlreadyHdrError for light above white, and DamagedInputError
-    at the end of what came before a picture of another size.
+    `settings` may be a preset's name; the default is `default`. Raises UsageError for settings or
+    arrays that do not apply, AlreadyHdrError for light above white, and DamagedInputError at a
+    picture of another size, after those before it.
 
     >>> import numpy as np
     >>> from itmo_video import expand_frames

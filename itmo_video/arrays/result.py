@@ -17,8 +17,7 @@ from itmo_video.settings import Settings
 class Result(Mapping[int, Expanded]):
     """A converted folder: a mapping from the numbers in its file names to its pictures.
 
-    Pictures are read when they are asked for, and not kept. `converted` has more: paths, times,
-    the source.
+    Pictures are read on access and not kept. `converted` has more: paths, times, the source.
 
     >>> from itmo_video import RunOptions, convert, open_result
     >>> _ = convert("clip.mkv", "out", run=RunOptions(start_number=101))
@@ -37,7 +36,7 @@ class Result(Mapping[int, Expanded]):
 
     @property
     def settings(self) -> Settings:
-        """The settings of frames that are in no shot of their own."""
+        """The settings of frames outside shots with settings of their own."""
         return self.converted.settings
 
     @property
@@ -56,9 +55,9 @@ class Result(Mapping[int, Expanded]):
         return self.converted.absent
 
     def __getitem__(self, number: int) -> Expanded:
-        """The picture of this number; raises KeyError, and as Converted.read where it is not."""
+        """The picture of this number; raises KeyError if absent, and as Converted.read."""
         if number not in self.converted.files:
-            raise KeyError(f"frame {number} is not in the folder: it has {format_ranges(self)}")
+            raise KeyError(f"frame {number} is not in the folder, which has {format_ranges(self)}")
         image = self.converted.read(number)
         planes = image.channels.items()
         layers = {name.removesuffix(".Y"): plane for name, plane in planes if "." in name}
@@ -71,7 +70,7 @@ class Result(Mapping[int, Expanded]):
         )
 
     def __iter__(self) -> Iterator[int]:
-        """The numbers, rising."""
+        """The numbers, in ascending order."""
         return iter(self.converted.numbers)
 
     def __len__(self) -> int:
@@ -79,7 +78,7 @@ class Result(Mapping[int, Expanded]):
 
 
 def open_result(folder: str | Path) -> Result:
-    """Open a converted folder; raises InputError where no conversion or no frame is there.
+    """Open a converted folder; raises InputError if it is not one or has no frame.
 
     >>> from itmo_video import convert, make_settings, open_result
     >>> _ = convert("clip.mkv", "out", make_settings("default", layers=["gain"]))

@@ -1,4 +1,4 @@
-"""The address of a Dask scheduler and the certificates for it, checked before anything is done."""
+"""A Dask scheduler's address and certificates, validated before anything is done."""
 
 from __future__ import annotations
 
@@ -28,9 +28,9 @@ class Tls:
 
 
 def check_address(address: str) -> None:
-    """Raise UsageError for what cannot be a scheduler's address, or names no host that is known.
+    """Raise UsageError unless this is a scheduler's address, with a host that is known.
 
-    Whether a scheduler answers there is another question: it may still be starting.
+    Whether a scheduler answers there is not checked: it may still be starting.
     """
     from distributed.comm.addressing import parse_address, parse_host_port
     from distributed.comm.registry import get_backend
@@ -59,7 +59,7 @@ def check_address(address: str) -> None:
 
 
 def security_for(address: str, tls: Tls) -> Security | None:
-    """What a client shows and asks for; None where nothing is encrypted.
+    """The client's security settings; None if nothing is encrypted.
 
     Raises UsageError for files that cannot be read, and for tls:// without any.
     """
@@ -77,7 +77,9 @@ def security_for(address: str, tls: Tls) -> Security | None:
     is_encrypted = address.startswith(("tls://", "wss://"))
     if given and not is_encrypted:
         raise UsageError(
-            "certificates are for an encrypted scheduler", where=address, remedy="tls://host:8786"
+            "certificates need an encrypted scheduler, tls://",
+            where=address,
+            remedy="tls://host:8786",
         )
     if not is_encrypted:
         return None
@@ -85,7 +87,7 @@ def security_for(address: str, tls: Tls) -> Security | None:
     try:
         context = security.get_connection_args("client").get("ssl_context")
     except (OSError, ValueError, TypeError) as error:  # of SSL, too
-        raise UsageError(f"its certificates cannot be used: {error}", where=address) from error
+        raise UsageError(f"the certificates cannot be used: {error}", where=address) from error
     if context is None:
         raise UsageError(
             "an encrypted scheduler needs certificates",

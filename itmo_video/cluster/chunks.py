@@ -1,4 +1,4 @@
-"""A job cut into chunks of frames, and one chunk rendered: what a worker of a cluster is given."""
+"""Splits a job into chunks of frames, and renders a chunk: the work of a cluster's worker."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ from itmo_video.settings import Settings
 from itmo_video.source.opening import Clip, input_options, open_clip
 from itmo_video.source.tags import InputOptions
 
-SHORTEST, LONGEST = 20, 100  # frames; each chunk pays for the frames that lead in
+SHORTEST, LONGEST = 20, 100  # frames; each chunk also decodes a lead-in
 
 
 @dataclass(frozen=True)
 class Chunk:
-    """Frames for one worker, with all that it needs to make them; small, since it travels.
+    """Frames for one worker, with all it needs to render them; small, as it is sent.
 
-    `shots` are first and last index of frames with settings of their own, and those.
+    `shots` are the first and last index of frames with their own settings, and these.
     """
 
     source: str
@@ -46,7 +46,7 @@ class Chunk:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What became of a chunk: numbers made (or found whole), damaged, not decodable; bytes."""
+    """A chunk's result: numbers rendered (or present), damaged, not decodable; bytes."""
 
     made: tuple[int, ...]
     damaged: tuple[int, ...]
@@ -57,13 +57,13 @@ class Outcome:
 
 
 def chunk_length(frames: int, workers: int, key_interval: int) -> int:
-    """Frames in a chunk, whole key intervals: about four chunks a worker, within bounds."""
+    """Frames per chunk, whole keyframe intervals: about four chunks per worker, within bounds."""
     length = max(SHORTEST, min(LONGEST, -(-frames // (4 * max(1, workers)))))
     return -(-length // key_interval) * key_interval
 
 
 def cut_into_chunks(job: Job, workers: int) -> Iterator[Chunk]:
-    """The job's frames in order, cut on the absolute grid of keys."""
+    """The job's frames in order, split on the absolute grid of keyframes."""
     plan = job.plan
     length = chunk_length(len(job.todo), workers, plan.settings.key_reach)
     by_index = sorted((index, number) for number, index in job.todo.items())
@@ -83,10 +83,10 @@ def cut_into_chunks(job: Job, workers: int) -> Iterator[Chunk]:
 
 
 def make_chunk(chunk: Chunk) -> Outcome:
-    """Render a chunk's frames here and write them; those that are there already stay.
+    """Render a chunk's frames here and write them; frames already present stay.
 
-    Raises ClusterError where this worker's version makes other pixels, InputError or OutputError
-    where it does not see the same source and folder as the one who sent the chunk.
+    Raises ClusterError if this worker's version gives other pixels, InputError or OutputError if it
+    does not see the same source and folder as the sender of the chunk.
     """
     if chunk.algorithm != ALGORITHM:
         raise ClusterError(
@@ -95,7 +95,7 @@ def make_chunk(chunk: Chunk) -> Outcome:
         )
     if chunk.arithmetic != arithmetic():
         raise ClusterError(
-            f"the worker on {socket.gethostname()} computes otherwise ({arithmetic()}) than this"
+            f"the worker on {socket.gethostname()} computes differently ({arithmetic()}) than this"
             f" run ({chunk.arithmetic}): its frames would differ",
             remedy="Use workers of one kind of processor and build (itmo-video --version), then run"
             " the same command again.",
@@ -109,11 +109,11 @@ def make_chunk(chunk: Chunk) -> Outcome:
     if not chunk.run.null:
         if read_manifest(chunk.output) is None:
             raise OutputError(
-                f"the worker on {socket.gethostname()} does not find the folder",
+                f"the worker on {socket.gethostname()} cannot find the folder",
                 where=chunk.output,
                 remedy="All workers must see it under this path; then run the same command again.",
             )
-        # A chunk whose worker died is sent again: what that one had finished is not made anew.
+        # A chunk whose worker died is sent again; frames finished by then are not rendered again.
         todo, _, concealed = frames_to_make(plan, folder, chunk.run)
     summary = Summary(len(plan.numbers), len(plan.numbers) - len(todo), damaged=[*concealed])
     ended = render_job(Job(clip, plan, folder, chunk.run, todo), summary, ignore)
@@ -137,15 +137,15 @@ def try_chunk(chunk: Chunk) -> Outcome | ItmoError:
 
 
 def dask_setup(worker: object) -> None:
-    """Dask calls it in worker processes that are started with this module as `preload`.
+    """Set up a worker process; Dask calls it, as this module is its `preload`.
 
-    Ctrl-C in a terminal reaches all its processes: the one in front ends the others, in order.
+    Ctrl-C in a terminal reaches all processes: the main one ends the others in order.
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
 def _own(plan: Plan, numbers: list[int]) -> tuple[tuple[int, int, Settings], ...]:
-    """The shots that a chunk's frames lie in."""
+    """The shots of a chunk's frames."""
     first, last = plan.numbers[numbers[0]], plan.numbers[numbers[-1]]
     return tuple(
         (shot.first, shot.last, shot.look.settings)
@@ -160,7 +160,7 @@ def _clip(chunk: Chunk) -> Clip:
         stat = os.stat(chunk.source)
     except OSError as error:
         raise InputError(
-            f"the worker on {socket.gethostname()} does not find it: {error.strerror}",
+            f"the worker on {socket.gethostname()} cannot find it: {error.strerror}",
             where=chunk.source,
             remedy="All workers must see it under this path; then run the same command again.",
         ) from error
@@ -174,9 +174,9 @@ def _clip(chunk: Chunk) -> Clip:
     return clip
 
 
-@functools.lru_cache(maxsize=2)  # opening reads all packets of a film, too dear for each chunk
+@functools.lru_cache(maxsize=2)  # opening reads all packets of a film, too expensive for each chunk
 def _open_once(source: str, options: InputOptions, mtime: int, size: int, output: str) -> Clip:
     clip = open_clip(source, options)
-    # A worker that takes a killed one's place clears up after it; only its own machine can.
+    # A worker that replaces a killed one cleans up after it; only its own machine can.
     OutputFolder(output, clip.info.stem).sweep_temp_files()
     return clip

@@ -1,7 +1,7 @@
 """A job on Dask distributed (extra `cluster`): chunks as tasks, a bounded number in flight.
 
 Workers render with the same code as one machine and write the frames themselves, so the bytes are
-the same; a chunk whose worker dies is given to another one. `distributed` is imported when used.
+the same; if a worker dies, another one gets its chunk. `distributed` is imported when used.
 """
 
 from __future__ import annotations
@@ -35,10 +35,10 @@ def cluster_executor(address: str, tls: Tls | None = None) -> Executor:
     """An executor for `conversion.convert`: on the scheduler at `address`, or "local" processes.
 
     Raises UsageError without the extra, for a bad address and for certificates that cannot be used.
-    The executor raises ClusterError when scheduler or workers are lost, and what a worker raised.
+    The executor raises ClusterError if scheduler or workers are lost, and what a worker raised.
     """
     try:
-        import distributed  # noqa: F401 - only whether it is there
+        import distributed  # noqa: F401 - only whether it is installed
     except ImportError as error:
         raise UsageError(
             "--scheduler needs Dask distributed", remedy=to_install("cluster")
@@ -62,7 +62,7 @@ def cluster_executor(address: str, tls: Tls | None = None) -> Executor:
 
 @contextmanager
 def _scratch_folder() -> Iterator[str]:
-    """A temporary folder for Dask, which bears its owner's name: a killed run's is removed."""
+    """A temporary folder for Dask, named after its owner; those of killed runs are removed."""
     scratch = temp_path(Path(tempfile.gettempdir(), "dask"))
     scratch.mkdir(mode=0o700)
     try:
@@ -77,7 +77,7 @@ def _connected(address: str, security: Any, job: Job) -> Iterator[Client]:
     from distributed import Client, LocalCluster
 
     # An interrupt between two lines of distributed's `sync` makes its own callback fail, which
-    # tornado would tell as a traceback; the interrupt itself is told in our words.
+    # tornado would print as a traceback; the interrupt itself is reported by us.
     logging.getLogger("tornado.application").setLevel(logging.CRITICAL)
     if address == LOCAL:
         with (
@@ -88,17 +88,17 @@ def _connected(address: str, security: Any, job: Job) -> Iterator[Client]:
                 threads_per_worker=1,
                 processes=True,
                 host="127.0.0.1",  # the scheduler and its workers are for this machine alone
-                dashboard_address="127.0.0.1:0",  # None would mean 8787 for all the world, if free
-                memory_limit=0,  # the pipeline bounds its own; a worker must not be killed for it
-                silence_logs=logging.CRITICAL,  # heartbeats to what has just been closed
-                local_directory=scratch,  # the common one fills with what killed workers left
+                dashboard_address="127.0.0.1:0",  # None would mean port 8787, open to everybody
+                memory_limit=0,  # the pipeline bounds it; workers must not be killed
+                silence_logs=logging.CRITICAL,  # silences heartbeats to what has just been closed
+                local_directory=scratch,  # the shared one fills up with remains of killed workers
                 preload="itmo_video.cluster.chunks",  # see its dask_setup
             ) as cluster,
             Client(cluster, set_as_default=False) as client,
         ):
             yield client
         return
-    # A scheduler that is lost is told in our two lines, not in a page of its own.
+    # A lost scheduler is reported in our two lines, not in a page of its own.
     logging.getLogger("distributed.client").setLevel(logging.CRITICAL)
     try:
         client = Client(address, timeout=WAIT_S, set_as_default=False, security=security)
@@ -124,7 +124,7 @@ def _run(client: Any, job: Job, summary: Summary, on_event: OnEvent) -> list[Dam
     ended: dict[str, DamagedInputError] = {}
     try:
         while True:
-            # Two for each thread keep it busy; a film has more chunks than a scheduler should hold.
+            # Two per thread keep it busy; a film has more chunks than a scheduler should hold.
             room = 2 * _threads(client) - len(in_flight)
             for chunk in islice(chunks, max(0, room)):
                 in_flight.add(client.submit(try_chunk, chunk, pure=False))
@@ -168,8 +168,8 @@ def _outcome(future: Any) -> Outcome:
         outcome = future.result()
     except KilledWorker as error:
         raise ClusterError(
-            "several workers died over the same frames",
-            remedy=f"Look at their memory, then {AGAIN}",
+            "several workers died while rendering the same frames",
+            remedy=f"Check their memory, then {AGAIN}",
         ) from error
     except ImportError as error:
         raise ClusterError(

@@ -1,4 +1,4 @@
-"""A frame at analysis size: the luma that guides the map, the grey picture for cuts and flow."""
+"""A frame at analysis size: the luma that guides the map, and a grey picture for cuts and flow."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ Plane = TypeVar("Plane", Code, Float32)
 
 
 def analysis_size(width: int, height: int, map_width: int) -> tuple[int, int]:
-    """(width, height) of the picture that map and flow are made at: at most `map_width` wide."""
+    """(width, height) of the analysis picture: at most `map_width` wide."""
     if width <= map_width:
         return width, height
     return map_width, max(1, round(height * map_width / width))
@@ -44,9 +44,9 @@ def guide_codes(frame: Frame, size: tuple[int, int] | None = None, rows: slice =
 
 
 def averaged(plane: Plane, size: tuple[int, int]) -> Plane:
-    """A plane (H, W) averaged over areas to (width, height).
+    """A plane (H, W) area-averaged to (width, height).
 
-    First halved while that goes, which cv2 does 20 times as fast.
+    Halved first as often as possible, which cv2 does 20 times as fast.
     """
     height, width = plane.shape
     small: npt.NDArray[Any] = plane
@@ -58,10 +58,10 @@ def averaged(plane: Plane, size: tuple[int, int]) -> Plane:
 
 
 def analysis_guide(frame: Frame, map_width: int) -> Float32:
-    """Luma code at analysis size, limited to [0, 1]: what guides the map."""
+    """Luma code at analysis size, clipped to [0, 1]: the guide of the map."""
     return np.clip(guide_codes(frame, analysis_size(*frame.size, map_width)), 0, 1)
 
 
 def grey_of(guide: Float32) -> Code:
-    """8-bit grey picture of a guide, for cuts and flow."""
+    """The guide as an 8-bit grey picture, for cuts and flow."""
     return np.asarray(np.rint(guide * np.float32(255)), np.uint8)

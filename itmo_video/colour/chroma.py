@@ -1,6 +1,6 @@
-"""Subsampled chroma brought to the pixels that it serves.
+"""Upsamples chroma to the luma's size.
 
-Interpolated linearly between sample positions; at the edges the last sample is repeated.
+Linear interpolation between sample positions; at the edges the last sample is repeated.
 """
 
 from __future__ import annotations
@@ -12,10 +12,10 @@ from itmo_video.model import ChromaSiting, Code, Float32, Float64
 
 
 def upsample_chroma(plane: Code, size: tuple[int, int], siting: ChromaSiting) -> Float64:
-    """Bring a subsampled plane to full (width, height), linearly interpolated, in code units.
+    """Upsample a plane to (width, height) by linear interpolation, in code units.
 
-    For any whole subsampling factor, slow and plain; float64, exact for 8 to 16-bit codes.
-    `double_rows` and `double_columns` are its fast twins for factors of 2.
+    For any integer factor, simple but slow; float64, exact for 8 to 16-bit codes. `double_rows`
+    and `double_columns` are fast versions for factors of 2.
     """
     width, height = size
     rows = _interpolate(plane.astype(np.float64), height, siting_offset(siting, vertical=True))
@@ -23,17 +23,17 @@ def upsample_chroma(plane: Code, size: tuple[int, int], siting: ChromaSiting) ->
 
 
 def siting_offset(siting: ChromaSiting, *, vertical: bool) -> float:
-    """Where a chroma sample lies among the pixels it serves: 0 first, 0.5 midway, 1 last."""
+    """The position of a chroma sample among its pixels: 0 first, 0.5 midway, 1 last."""
     first, last = ("top", "bottom") if vertical else ("left", "right")
     return 0.0 if first in siting else 1.0 if last in siting else 0.5
 
 
 def double_rows(values: Float32, offset: float) -> Float32:
-    """Twice the inner rows: (n + 2, w) with a neighbour row at each end to (2 n, w)."""
+    """Double the inner rows: (n + 2, w), with a neighbour row at each end, to (2 n, w)."""
     count, across = values.shape[0] - 2, values.shape[1]
     out = np.empty((count, 2, across), np.float32)
     here, before, after = values[1:-1], values[:-2], values[2:]
-    if offset == 0.5:  # even rows lean on the sample above, odd rows on the one below
+    if offset == 0.5:  # even rows also use the sample above, odd rows the one below
         cv2.addWeighted(here, 0.75, before, 0.25, 0, dst=out[:, 0])
         cv2.addWeighted(here, 0.75, after, 0.25, 0, dst=out[:, 1])
     elif offset == 0:
@@ -46,7 +46,7 @@ def double_rows(values: Float32, offset: float) -> Float32:
 
 
 def double_columns(values: Float32, offset: float) -> Float32:
-    """(n, w) to (n, 2 w): two columns for each, interleaved by cv2.merge, which is a plain copy."""
+    """Double the columns: (n, w) to (n, 2 w), interleaved by cv2.merge, which only copies."""
     rows, across = values.shape
     around = cv2.copyMakeBorder(values, 0, 0, 1, 1, cv2.BORDER_REPLICATE)
     before, after = around[:, :-2], around[:, 2:]
@@ -61,7 +61,7 @@ def double_columns(values: Float32, offset: float) -> Float32:
 
 
 def _interpolate(values: Float64, count: int, offset: float) -> Float64:
-    """Rows at `count` whole positions, linear between samples, constant outside them."""
+    """Rows at `count` integer positions, linear between samples, constant outside."""
     factor = 1
     while values.shape[0] * factor < count:
         factor *= 2

@@ -1,7 +1,7 @@
-"""From a frame's integer codes to linear R, G, B in its own primaries.
+"""Converts a frame's integer codes to linear R, G, B in its own primaries.
 
-The strip is the unit: every row of the result is computed from the same operands in the same order
-whichever strip it is in, so a strip equals the same rows of the whole picture bit for bit.
+Every row of the result is computed from the same operands in the same order whichever strip it is
+in, so a strip equals the same rows of the whole picture to the bit.
 """
 
 from __future__ import annotations
@@ -32,20 +32,20 @@ Planes: TypeAlias = tuple[Float32, Float32, Float32]
 
 STRIP_ROWS = 40  # the buffers of such a strip of 1080p stay in a core's second-level cache
 
-# Padding widths to this makes every cv2 call free of a scalar tail, whose rounding may differ
-# from that of the vector loop and would make a row depend on its strip.
+# Padding widths to this avoids the scalar tail of cv2 calls, whose rounding may differ from that
+# of the vector loop and would make a row depend on its strip.
 _LANES = 128
 
-# 0 has no logarithm, and the power of this floor is still no subnormal.
+# 0 has no logarithm, and the power of this floor is not yet subnormal.
 _POWER_FLOOR = 1e-8
 _FROM_ZERO = ("linear", "srgb")  # these take no power of a code near 0
 
 
 def to_rgb_linear(frame: Frame, *, clip: bool) -> Planes:
-    """Give the frame as linear R, G, B in the source's own primaries, SDR white at 1.
+    """The frame as linear R, G, B in the source's own primaries, SDR white at 1.
 
-    Three float32 planes of the frame's height and width. With `clip` the codes are limited to
-    [0, 1] first; without it over-white stays above 1 and negative codes give negative light.
+    Three float32 planes of the frame's height and width. With `clip` codes are clipped to [0, 1]
+    first; without it over-white stays above 1 and negative codes give negative light.
     """
     planes = _empty_planes(frame)
     for rows, out in _strips(frame, planes):
@@ -56,7 +56,7 @@ def to_rgb_linear(frame: Frame, *, clip: bool) -> Planes:
 def strip_to_rgb_linear(frame: Frame, rows: slice, clip: bool, out: Planes) -> None:
     """Write the given rows of `to_rgb_linear` into three float32 arrays of (rows, width).
 
-    Any strip gives bit for bit the rows of the whole frame. Raises ValueError where the encoding's
+    Any strip has the same rows as the whole frame, to the bit. Raises ValueError if the encoding's
     transfer is PQ or HLG.
     """
     encoding = frame.encoding
@@ -90,7 +90,7 @@ def _ycbcr_to_linear(frame: Frame, rows: slice, clip: bool, out: Planes) -> None
 
 
 def codes_to_light(frame: Frame, clip: bool) -> compiled_light.CodesToLight:
-    """How the kernels read a Y'CbCr frame: to light where that is a power, else to R'G'B'."""
+    """How kernels read a Y'CbCr frame: to linear light if that is a power, else to R'G'B'."""
     encoding, (width, height), chroma = frame.encoding, frame.size, frame.planes[1]
     across = None if width <= chroma.shape[1] else siting_offset(encoding.siting, vertical=False)
     down = None if height <= chroma.shape[0] else siting_offset(encoding.siting, vertical=True)
@@ -112,7 +112,7 @@ def _matrix_factors(matrix: Matrix) -> tuple[float, float, float, float]:
 
 
 def _ycbcr_strip(frame: Frame, rows: slice, out: Planes) -> None:
-    """R'G'B' of some rows, `out` having the padded width."""
+    """R'G'B' of some rows; `out` has the padded width."""
     encoding, padded = frame.encoding, out[0].shape[1]
     luma_codes, cb_codes, cr_codes = frame.planes[:3]
     cr_red, cb_blue, cr_green, cb_green = _matrix_factors(encoding.matrix)
@@ -159,7 +159,7 @@ def _eotf_in_place(code: Float32, transfer: Transfer, clip: bool) -> None:
 
 
 def _eotf_of_positive(code: Float32, transfer: Transfer) -> None:
-    """In place, of codes not below _POWER_FLOOR, or not below 0 for those of _FROM_ZERO."""
+    """Codes to light in place; codes are at least _POWER_FLOOR, or 0 for those of _FROM_ZERO."""
     if transfer == "srgb":
         scale = 1 / (1 + SRGB_OFFSET)
         curve = cv2.addWeighted(code, scale, code, 0, SRGB_OFFSET * scale)
@@ -173,7 +173,7 @@ def _eotf_of_positive(code: Float32, transfer: Transfer) -> None:
 
 
 def _power_in_place(values: Float32, exponent: float) -> None:
-    """Of positive values, within 2e-6; cv2.pow takes three times as long."""
+    """A power of positive values, within 2e-6; cv2.pow takes three times as long."""
     cv2.log(values, dst=values)
     values *= np.float32(exponent)
     cv2.exp(values, dst=values)
@@ -231,7 +231,7 @@ def _buffers(rows: int, width: int) -> Planes:
 
 
 def _pad(codes: Code, width: int, above: int = 0, below: int = 0) -> Code:
-    """Extend the plane with its edges repeated: to `width` columns, and rows above and below."""
+    """Extend the plane by repeating its edges: to `width` columns, and rows above and below."""
     right = width - codes.shape[1]
     if not (right or above or below):
         return codes

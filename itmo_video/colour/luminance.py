@@ -1,4 +1,4 @@
-"""A frame's luminance by the paper's equation 1, strip by strip, and its RGB at analysis size."""
+"""A frame's luminance by eq. 1 of the paper, strip by strip, and its RGB at analysis size."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from itmo_video.model import Float32, Frame
 
 
 def luminance_of(rgb: Sequence[Float32], out: Float32 | None = None) -> Float32:
-    """Eq. 1, of the source's own RGB: float32 of the planes' shape."""
+    """Luminance by eq. 1, of RGB in the source's primaries: float32 of the planes' shape."""
     r, g, b = LUMINANCE_WEIGHTS_BANTERLE2006
     total = np.multiply(rgb[0], np.float32(r), out=out)
     total += rgb[1] * np.float32(g)
@@ -39,7 +39,7 @@ def _compiled_luminance(
 def limited_luminance(
     rgb: Sequence[Float32], ratio: Float32 | None = None, out: Float32 | None = None
 ) -> Float32:
-    """Eq. 1 times `ratio`, if any, limited to [0, 1]: float32 of the planes' shape."""
+    """Luminance by eq. 1, times `ratio` if any, clipped to [0, 1]: float32 of the planes' shape."""
     luminance = luminance_of(rgb, out)
     if ratio is not None:
         luminance *= ratio
@@ -47,7 +47,7 @@ def limited_luminance(
 
 
 def frame_luminance(frame: Frame) -> Float32:
-    """Linear luminance of a whole frame, (H, W) float32 in [0, 1]."""
+    """The linear luminance of a whole frame, (H, W) float32 in [0, 1]."""
     width, height = frame.size
     luminance = np.empty((height, width), np.float32)
     for rows in strips(height):
@@ -58,7 +58,7 @@ def frame_luminance(frame: Frame) -> Float32:
 
 
 def greatest_of(rgb: Float32) -> Float32:
-    """The greatest channel at each place of (H, W, 3): float32 (H, W)."""
+    """The highest channel of each pixel of (H, W, 3): float32 (H, W)."""
     red, green, blue = cv2.split(rgb)  # NumPy's max along an axis of three takes ten times as long
     return np.asarray(cv2.max(cv2.max(red, green), blue), np.float32).reshape(rgb.shape[:2])
 
@@ -67,7 +67,7 @@ def frame_rgb_small(frame: Frame, size: tuple[int, int]) -> Float32:
     """Linear RGB of a frame, area-averaged to (width, height): float32 (H, W, 3) in [0, 1]."""
     width, height = frame.size
     halves = width % 2 == 0 and height % 2 == 0 and width >= 2 * size[0] and height >= 2 * size[1]
-    step = 2 if halves else 1  # while it is in the cache: cv2 gives the same bytes by strips
+    step = 2 if halves else 1  # while it is in the cache: cv2 gives the same bytes for strips
     planes = [np.empty((height // step, width // step), np.float32) for _ in range(3)]
     for rows in strips(height):
         rgb = strip_buffers(rows, width)

@@ -1,4 +1,4 @@
-"""Colour: the EOTFs of SDR, primaries, and matrices between them."""
+"""Primaries, and matrices between them."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ INTEROP_IDS: dict[str, str] = {
     "acescg": "lin_ap1_scene",
     "aces2065-1": "lin_ap0_scene",
 }
-"""Linear light in these primaries as the Color Interop Forum names it (ASWF, 2025)."""
+"""The Color Interop Forum's name of linear light in these primaries (ASWF, 2025)."""
 
 _BRADFORD = np.array(
     [[0.8951, 0.2664, -0.1614], [-0.7502, 1.7135, 0.0367], [0.0389, -0.0685, 1.0296]]
@@ -54,22 +54,22 @@ def rgb_to_xyz_matrix(primaries: str) -> Float64:
 
 
 def luminance_weights(primaries: str) -> tuple[float, float, float]:
-    """Give the weights of linear R, G and B in luminance for these primaries; they sum to 1."""
+    """The weights of linear R, G and B in luminance for these primaries; they sum to 1."""
     red, green, blue = rgb_to_xyz_matrix(primaries)[1]
     return float(red), float(green), float(blue)
 
 
 def nearest_primaries(xy: Sequence[float]) -> str:
-    """The name in CHROMATICITIES that these rx, ry, gx, gy, bx, by, wx, wy are nearest to."""
+    """The name in CHROMATICITIES nearest to these rx, ry, gx, gy, bx, by, wx, wy."""
     return min(
         CHROMATICITIES, key=lambda name: float(np.abs(np.subtract(CHROMATICITIES[name], xy)).sum())
     )
 
 
 def rgb_to_rgb_matrix(source: str, target: str) -> Float64:
-    """3x3 float64 that takes linear RGB in one set of primaries to another.
+    """The 3x3 float64 matrix from linear RGB in one set of primaries to another.
 
-    Names are those of `CHROMATICITIES`. White goes to white: differing white points are adapted
+    Names are those of `CHROMATICITIES`. White maps to white: different white points are adapted
     by Bradford's cone responses (Lam 1985). Raises KeyError for an unknown name.
     """
     if source == target:
@@ -82,12 +82,12 @@ def rgb_to_rgb_matrix(source: str, target: str) -> Float64:
 
 
 def white_xyz(primaries: str) -> Float64:
-    """XYZ of a set of primaries' white, Y = 1."""
+    """XYZ of the white point of a set of primaries, Y = 1."""
     x, y = CHROMATICITIES[primaries][6:]
     return np.array([x / y, 1, (1 - x - y) / y])
 
 
 def white_adaptation(source_xyz: Float64, target_xyz: Float64) -> Float64:
-    """3x3 float64 from XYZ under one white to XYZ under another, by Bradford's cone responses."""
+    """3x3 float64 from XYZ under one white to another, by Bradford's cone responses."""
     ratio = (_BRADFORD @ target_xyz) / (_BRADFORD @ source_xyz)
     return np.linalg.solve(_BRADFORD, ratio[:, None] * _BRADFORD)

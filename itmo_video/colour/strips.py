@@ -19,6 +19,6 @@ def strips(height: int) -> Iterator[slice]:
 
 
 def strip_buffers(rows: slice, width: int) -> tuple[Float32, Float32, Float32]:
-    """Room for R, G and B of some rows of a frame: three float32 arrays of (rows, width)."""
+    """Empty R, G and B for some rows of a frame: three float32 arrays of (rows, width)."""
     shape = (rows.stop - rows.start, width)
     return np.empty(shape, np.float32), np.empty(shape, np.float32), np.empty(shape, np.float32)

@@ -1,4 +1,4 @@
-"""Transfer functions: BT.1886, sRGB and pure gammas, PQ and HLG, each once."""
+"""Transfer functions: BT.1886, sRGB and pure gammas, PQ and HLG."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ SRGB_CODE, SRGB_LIGHT = 0.04045, 0.0031308
 def eotf(code: Float64 | Float32, transfer: Transfer) -> Float64:
     """Display light, 1 at code 1, of nonlinear codes; odd-symmetric for negative codes.
 
-    Any shape; float64 out. BT.1886 with a black of 0 is a power of 2.4 (ITU-R BT.1886), sRGB is
+    Any shape; returns float64. BT.1886 with a black of 0 is a power of 2.4 (ITU-R BT.1886), sRGB is
     IEC 61966-2-1. Raises ValueError for PQ and HLG, which have no display white of 1.
     """
     x = np.asarray(code, np.float64)
@@ -33,7 +33,7 @@ def eotf(code: Float64 | Float32, transfer: Transfer) -> Float64:
 
 
 def inverse_eotf(light: Float64 | Float32, transfer: Transfer) -> Float64:
-    """Give the nonlinear code of display light: the inverse of `eotf`, with the same domain."""
+    """The nonlinear code of display light: the inverse of `eotf`, with the same domain."""
     y = np.asarray(light, np.float64)
     size = np.abs(y)
     if transfer == "srgb":
@@ -47,7 +47,7 @@ def inverse_eotf(light: Float64 | Float32, transfer: Transfer) -> Float64:
 def gamma_of(transfer: Transfer) -> float:
     """The exponent of a transfer that is a power; raises ValueError for PQ and HLG."""
     if transfer not in _GAMMA:
-        raise ValueError(f"{transfer} is not a transfer of SDR")
+        raise ValueError(f"{transfer} is not a transfer function of SDR")
     return _GAMMA[transfer]
 
 

@@ -1,6 +1,6 @@
-"""Messages of ITU-T T.35 put into encoded frames, as HEVC and AV1 carry them.
+"""Inserts ITU-T T.35 messages into encoded HEVC and AV1 frames.
 
-FFmpeg's x265 and SVT-AV1 take none through PyAV, so they are put into the encoder's packets.
+x265 and SVT-AV1 accept none through PyAV, so they are inserted into the encoder's packets.
 """
 
 from __future__ import annotations
@@ -15,10 +15,10 @@ _FRAME_HEADER, _METADATA, _FRAME, _T35_METADATA = 3, 5, 6, 4  # types of AV1's O
 
 
 def with_message(packet: bytes, message: bytes, codec: Literal["hevc", "av1"]) -> bytes:
-    """The packet of one shown frame, with the message in front of its picture.
+    """The packet of one shown frame, with the message before its picture.
 
-    HEVC is a byte stream (annex B), AV1 a temporal unit of OBUs that say their size. ValueError
-    where no picture is in it.
+    HEVC is a byte stream (annex B), AV1 a temporal unit of OBUs with sizes. ValueError if it
+    contains no picture.
     """
     at = _hevc_picture(packet) if codec == "hevc" else _av1_picture(packet)
     unit = _sei(message) if codec == "hevc" else _metadata_obu(message)
@@ -26,7 +26,7 @@ def with_message(packet: bytes, message: bytes, codec: Literal["hevc", "av1"]) -
 
 
 def _sei(message: bytes) -> bytes:
-    """A prefix SEI message (H.265, 7.3.5), bytes escaped (7.4.2)."""
+    """A prefix SEI message (H.265, 7.3.5), with escaped bytes (7.4.2)."""
     size = len(message)
     payload = bytes([_T35_SEI, *[255] * (size // 255), size % 255]) + message + b"\x80"
     escaped = re.sub(rb"\x00\x00(?=[\x00-\x03])", b"\x00\x00\x03", payload)
@@ -34,7 +34,7 @@ def _sei(message: bytes) -> bytes:
 
 
 def _hevc_picture(packet: bytes) -> int:
-    """Where the first slice's start code begins."""
+    """The position of the first slice's start code."""
     for found in re.finditer(rb"\x00?\x00\x00\x01(.)", packet, re.DOTALL):
         if found[1][0] >> 1 & 63 < _FIRST_NOT_PICTURE:
             return found.start()
@@ -48,7 +48,7 @@ def _metadata_obu(message: bytes) -> bytes:
 
 
 def _av1_picture(packet: bytes) -> int:
-    """Where the frame that is shown begins: the last, behind those that are decoded ahead."""
+    """The position of the shown frame: the last one, after those decoded ahead."""
     starts = [at for at, kind in _obus(packet) if kind in (_FRAME_HEADER, _FRAME)]
     if not starts:
         raise ValueError("an AV1 packet without a picture")
@@ -56,7 +56,7 @@ def _av1_picture(packet: bytes) -> int:
 
 
 def _obus(packet: bytes) -> Iterator[tuple[int, int]]:
-    """Where each OBU begins, and its type."""
+    """The position and type of each OBU."""
     at = 0
     while at < len(packet):
         header = packet[at]

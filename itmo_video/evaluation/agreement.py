@@ -1,4 +1,4 @@
-"""How well a sequence agrees with its truth, beside the SDR clip left as it is."""
+"""How close a sequence is to its truth, compared with the unchanged SDR clip."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ FIGURES = {
 
 @dataclass(frozen=True)
 class Display:
-    """What the pictures are looked at on: nits, and pixels a degree of the visual field."""
+    """The display that pictures are viewed on: nits, and pixels per degree of visual field."""
 
     peak_nits: float = 1000.0
     white_nits: float = 203.0
@@ -35,7 +35,7 @@ class Display:
 
 @dataclass(frozen=True)
 class Worst:
-    """The frame, by the number in its file's name, that fares worst by one figure."""
+    """The worst frame by one figure; `number` is that in its file's name."""
 
     number: int
     value: float
@@ -55,7 +55,7 @@ class Agreement:
 
 
 class Tally:
-    """Agreement of a sequence, frame by frame; holds sums, not frames."""
+    """Accumulates the agreement of a sequence frame by frame; holds sums, not frames."""
 
     def __init__(self) -> None:
         self._count = 0
@@ -65,7 +65,7 @@ class Tally:
         self._zones: dict[tuple[float, float], list[float]] = {}
 
     def add(self, number: int, found: Fidelity) -> None:
-        """Count one frame's figures in."""
+        """Add one frame's figures."""
         self._count += 1
         for name, more_is_better in FIGURES.items():
             value = float(getattr(found, name))
@@ -86,7 +86,7 @@ class Tally:
                 sums[2] += zone.share * zone.mean_abs
 
     def agreement(self) -> Agreement:
-        """The figures of all frames so far; at least one."""
+        """The figures of all frames added so far, of which there must be one."""
         count = self._count
         figures = {name: total / count for name, total in self._sums.items()}
         for name in figures:
@@ -112,11 +112,11 @@ def compare_sequences(
     on_event: OnEvent = ignore,
     part: str | None = None,
 ) -> dict[str, Agreement]:
-    """Agreement of a folder with the true one, by row: TEST, and SDR where the clip is given.
+    """Agreement of a folder with the true one, by row: TEST, and SDR if the clip is given.
 
     Frames are matched by the index of their source frame (folders.pair); of a reference with
-    several parts `part` is read, by default the first with R, G and B. Raises InputError where
-    the folders or the clip do not fit together.
+    several parts `part` is read, by default the first with R, G and B. Raises InputError if
+    the folders or the clip do not match.
     """
     sequence = open_sequence(test)
     pairs = pair(sequence, open_sequence(reference), part)

@@ -1,4 +1,4 @@
-"""The edge of evaluation: a folder of EXR files measured as its options say, figures by name."""
+"""The function `evaluate`: measures a folder of EXR files by its options, figures by name."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ from itmo_video.source.opening import input_files
 
 @dataclass(frozen=True)
 class Evaluation:
-    """What was measured; `figures` are the sequence's own, by the names of --fail-above.
+    """What was measured; `figures` are those of the sequence, by the names of --fail-above.
 
-    With a reference: `fidelity` by row (the sequence, and the SDR clip as it is) on `display`, or
-    `lighting` by row where panoramas were to light a scene. With the source: flicker by shot and
-    over the `clip`. What was not asked for is empty.
+    With a reference: `fidelity` by row (the sequence, and the unchanged SDR clip) on `display`, or
+    `lighting` by row if panoramas light a scene. With the source: flicker by shot and over the
+    `clip`. What was not requested is empty.
 
     >>> from itmo_video import Evaluation
     >>> Evaluation({"pq_psnr_db": 38.5}).figures["pq_psnr_db"]
@@ -40,13 +40,12 @@ class Evaluation:
 
 
 def evaluate(test: str | Path, options: EvaluateOptions, on_event: OnEvent = ignore) -> Evaluation:
-    """Measure a folder of EXR files: its fidelity to a true one, its flicker along the motion.
+    """Measure a folder of EXR files: its fidelity to a true one, and its flicker along motion.
 
-    `test` may be one .exr or .hdr file where `options.ibl` is set. `on_event` is told which frames
-    are not in the folder (Warned), and of each frame (FrameDone), once for fidelity and once for
-    flicker. Raises InputError where folders and clip do not fit together or a frame is not the
-    folder's own, UsageError where an extra is missing, OutputError where a heat map may not be
-    written.
+    `test` may be one .exr or .hdr file if `options.ibl` is set. `on_event` receives Warned with the
+    frames that are not in the folder, and FrameDone for each frame, once for fidelity and once for
+    flicker. Raises InputError if folders and clip do not match or a frame does not belong to the
+    folder, UsageError if an extra is missing, OutputError if a heat map must not be written.
 
     >>> from pathlib import Path
     >>> from itmo_video import EvaluateOptions, convert, evaluate
@@ -104,7 +103,7 @@ def _fidelity(
         )
     from itmo_video.evaluation import vdp
 
-    vdp.require_vdp()  # to be told at once, not after the other figures
+    vdp.require_vdp()  # so that it fails at once, not after the other figures
     rows = agreement.compare_sequences(
         test, reference, options.source, display, on_event, options.part
     )

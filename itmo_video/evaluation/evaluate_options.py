@@ -1,4 +1,4 @@
-"""What is measured, against what and on which display: the options of `evaluate`."""
+"""What is measured, compared with what and on which display: the options of `evaluate`."""
 
 from __future__ import annotations
 
@@ -34,14 +34,14 @@ class EvaluateOptions:
     key_interval: int | None = option(
         None,
         int,
-        "key interval for key_to_key (default: the folder's own, 5)",
+        "keyframe interval for key_to_key (default: the folder's own, or 5)",
         lower=1,
         metavar="N",
     )
     white_nits: float | None = option(
         None,
         float,
-        "luminance of 1.0 in nits (default: the folder's own, 203)",
+        "luminance of 1.0 in nits (default: the folder's own, or 203)",
         lower=1,
         upper=10000,
         metavar="N",
@@ -52,17 +52,17 @@ class EvaluateOptions:
     )  # fmt: skip
     vdp: bool = option(False, bool, "add ColorVideoVDP's JOD (extra `vdp`; slow)")
     heat_map: Path | None = option(
-        None, Path, "a film of where ColorVideoVDP sees differences (extra `vdp`; slow)",
+        None, Path, "write a film of the differences that ColorVideoVDP sees (extra `vdp`; slow)",
         metavar="FILE.mp4",
     )  # fmt: skip
-    overwrite: bool = option(False, bool, "replace the film of --heat-map where it exists")
+    overwrite: bool = option(False, bool, "overwrite the film of --heat-map if it exists")
     pixels_per_degree: float = option(
         45.0, float, "viewing resolution for ColorVideoVDP", lower=1, upper=1000, metavar="N"
     )
     ibl: bool = option(
         False, bool,
-        "of latitude-longitude panoramas: compare renders of a scene that they light (extra "
-        "`ibl`: Mitsuba); TEST and TRUTH may be one .exr or .hdr file, 1.0 being SDR white",
+        "compare renders of a scene lit by the panoramas (latitude-longitude; extra `ibl`: "
+        "Mitsuba); TEST and TRUTH may be one .exr or .hdr file, with 1.0 at SDR white",
     )  # fmt: skip
 
     def __post_init__(self) -> None:
@@ -73,6 +73,6 @@ class EvaluateOptions:
             raise UsageError("ColorVideoVDP needs the truth", remedy="Give --reference TRUTH.")
         if self.ibl and (self.vdp or self.heat_map or self.motion or not self.reference):
             raise UsageError(
-                "--ibl compares renders, and only those",
-                remedy="Give it --reference TRUTH, --source CLIP, and none of the others.",
+                "--ibl compares renders only",
+                remedy="Give --reference TRUTH and --source CLIP, and omit the others.",
             )

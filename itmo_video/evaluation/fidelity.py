@@ -1,7 +1,7 @@
-"""How well a picture's luminance agrees with the true one: pure functions of absolute luminance.
+"""How close a picture's luminance is to the true one: pure functions of absolute luminance.
 
-Luminance is in cd/m2, arrays (H, W) unless said otherwise, computed in float64. Both sides should
-have been through `displayed` first, so that what no display could show is not held against either.
+Luminance is in cd/m2, arrays (H, W) unless stated otherwise, computed in float64. Both sides should
+go through `displayed` first, so that neither is judged by what no display can show.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ DARKEST_NITS = 0.005  # PU21 starts here, and so does the display
 PU21_PEAK = 256.0  # PU21's code of 100 cd/m2, the peak of its PSNR and SSIM (Mantiuk and Azimi)
 VISIBLE = 0.01  # of PQ code: about a tenth of the luminance at 100 cd/m2, 7 steps of Delta E ITP
 OBVIOUS = 0.04
-ZONE_EDGES = (-6.0, -4.0, -2.0, 0.0, 1.0, 2.0)  # stops against SDR white
+ZONE_EDGES = (-6.0, -4.0, -2.0, 0.0, 1.0, 2.0)  # stops relative to SDR white
 PERCENTILES = (1.0, 10.0, 50.0, 90.0, 99.0, 99.9, 100.0)
 
 _PU21 = (  # banding_glare, table 1 of the publication
@@ -38,9 +38,9 @@ _C1, _C2, _C3 = 3424 / 4096, 2413 / 128, 2392 / 128
 
 @dataclass(frozen=True)
 class Zone:
-    """Error where the true luminance lies in [lower, upper) stops against SDR white.
+    """Error where the true luminance is in [lower, upper) stops relative to SDR white.
 
-    `mean` (signed) and `mean_abs` are in stops, NaN where the zone is empty; `share` of the pixels.
+    `mean` (signed) and `mean_abs` are in stops, NaN if the zone is empty; `share` is of the pixels.
     """
 
     lower: float
@@ -52,7 +52,7 @@ class Zone:
 
 @dataclass(frozen=True)
 class Fidelity:
-    """All figures of one picture against its truth; see the functions for their meaning."""
+    """All figures of one picture compared with its truth, as the functions define them."""
 
     pq_psnr_db: float
     pu21_psnr_db: float
@@ -64,13 +64,13 @@ class Fidelity:
 
 
 def displayed(rgb: Floats, white_nits: float = 203.0, peak_nits: float = 1000.0) -> Float64:
-    """Luminance that a display shows of linear BT.709 RGB (..., 3) with 1.0 at `white_nits`.
+    """The luminance that a display shows for linear BT.709 RGB (..., 3) with 1.0 at `white_nits`.
 
-    Float64 (...) in cd/m2, each channel within what the display can show. ValueError for NaN.
+    Float64 (...) in cd/m2, each channel clipped to the display's range. ValueError for NaN.
     """
     light = np.asarray(rgb, np.float64) * white_nits
     if np.isnan(light).any():
-        raise ValueError("a picture to be judged has pixels that are not numbers")
+        raise ValueError("the picture has pixels that are not numbers (NaN)")
     shown = np.clip(light, DARKEST_NITS, peak_nits)
     return np.asarray(shown @ np.array(LUMINANCE_WEIGHTS))
 
@@ -93,7 +93,7 @@ def pu21_encode(nits: Floats) -> Float64:
 
 
 def psnr_db(test: Floats, reference: Floats, peak: float) -> float:
-    """10 log10(peak^2 / mean squared difference); infinite where they are identical."""
+    """10 log10(peak^2 / mean squared difference); infinite if they are identical."""
     _check(test, reference)
     error = float(np.mean((np.asarray(test, np.float64) - reference) ** 2))
     return math.inf if error == 0 else 10 * math.log10(peak * peak / error)
@@ -105,15 +105,15 @@ def pq_psnr_db(test_nits: Floats, reference_nits: Floats) -> float:
 
 
 def pu21_psnr_db(test_nits: Floats, reference_nits: Floats) -> float:
-    """PSNR of PU21 codes of luminance, peak 256 as its authors take it."""
+    """PSNR of PU21 codes of luminance, with a peak of 256 as its authors use."""
     return psnr_db(pu21_encode(test_nits), pu21_encode(reference_nits), PU21_PEAK)
 
 
 def pu21_ssim(test_nits: Floats, reference_nits: Floats) -> float:
-    """Mean SSIM of PU21 codes, dynamic range 256, in [-1, 1]; 1 where they are identical.
+    """Mean SSIM of PU21 codes, dynamic range 256, in [-1, 1]; 1 if they are identical.
 
     Wang et al. 2004, eq. 13: Gaussian window of 11 pixels and sigma 1.5, K1 0.01, K2 0.03; edges
-    replicated, as the authors' reference has it.
+    replicated, as in the authors' reference code.
     """
     _check(test_nits, reference_nits)
     x, y = pu21_encode(test_nits), pu21_encode(reference_nits)
@@ -126,7 +126,7 @@ def pu21_ssim(test_nits: Floats, reference_nits: Floats) -> float:
 
 
 def stops(test_nits: Floats, reference_nits: Floats) -> Float64:
-    """Log2 of test over reference, both from 0.005 cd/m2 up; positive: the test is brighter."""
+    """Log2 of test over reference, both at least 0.005 cd/m2; positive if the test is brighter."""
     _check(test_nits, reference_nits)
     test, reference = np.maximum(test_nits, DARKEST_NITS), np.maximum(reference_nits, DARKEST_NITS)
     return np.asarray(np.log2(test.astype(np.float64) / reference))
@@ -138,7 +138,7 @@ def zones(
     white_nits: float = 203.0,
     edges: Sequence[float] = ZONE_EDGES,
 ) -> tuple[Zone, ...]:
-    """Error in stops by zone of true luminance; `edges` rise, in stops against SDR white."""
+    """Error in stops by zone of true luminance; `edges` ascend, in stops relative to SDR white."""
     error = stops(test_nits, reference_nits)
     height = np.log2(np.maximum(reference_nits, DARKEST_NITS) / white_nits)
     bounds = (-math.inf, *edges, math.inf)
@@ -155,7 +155,7 @@ def zones(
 def percentile_stops(
     test_nits: Floats, reference_nits: Floats, percentiles: Sequence[float] = PERCENTILES
 ) -> dict[float, float]:
-    """By percentile of luminance: log2 of the test's over the reference's; 100 is the peak."""
+    """Log2 of the test's over the reference's luminance by percentile; 100 is the peak."""
     _check(test_nits, reference_nits)
     values = stops(
         np.percentile(test_nits, percentiles), np.percentile(reference_nits, percentiles)
@@ -166,14 +166,14 @@ def percentile_stops(
 def visible_share(test_nits: Floats, reference_nits: Floats, threshold: float = VISIBLE) -> float:
     """Share of pixels, 0 to 1, whose PQ codes of luminance differ by more than `threshold`.
 
-    A measure of our own, pixel by pixel: unlike HDR-VDP it knows nothing of masking or of size.
+    Our own measure, pixel by pixel: unlike HDR-VDP it models neither masking nor size.
     """
     _check(test_nits, reference_nits)
     return float(np.mean(np.abs(pq_encode(test_nits) - pq_encode(reference_nits)) > threshold))
 
 
 def compare(test_nits: Floats, reference_nits: Floats, white_nits: float = 203.0) -> Fidelity:
-    """All of the above for one picture; ValueError where shapes differ."""
+    """All of the above for one picture; ValueError if shapes differ."""
     return Fidelity(
         pq_psnr_db(test_nits, reference_nits),
         pu21_psnr_db(test_nits, reference_nits),

@@ -1,4 +1,4 @@
-"""Folders of EXR files, and clips, as the films that a video metric looks at."""
+"""Folders of EXR files, and clips, as films for a video metric."""
 
 from __future__ import annotations
 
@@ -27,10 +27,10 @@ def films(
     display: Display,
     part: str | None = None,
 ) -> dict[str, Film]:
-    """A folder beside its truth by row: TEST, and SDR where the clip is given.
+    """A folder with its truth by row: TEST, and SDR if the clip is given.
 
-    Frames are matched as `compare_sequences` does. Where frames are left out evenly, the rate is
-    that of the frames there are. Raises InputError where folders or clip do not fit together.
+    Frames are matched as by `compare_sequences`. If frames are left out evenly, the rate is that
+    of the remaining ones. Raises InputError if folders or clip do not match.
     """
     sequence = open_sequence(test)
     pairs = pair(sequence, open_sequence(reference), part)

@@ -1,4 +1,4 @@
-"""What moves that should not: changes of map and gain along motion, drift, and lifted noise.
+"""Flicker: changes of map and gain along motion, drift, and amplified noise.
 
 Pure functions of arrays. A flow belongs to the later frame: `flow_px[y, x]` is where its pixel
 (x, y) was in the earlier one, relative to (x, y).
@@ -18,7 +18,7 @@ from itmo_video.motion.flow import flow_px, warp
 Mask = npt.NDArray[np.bool_]
 
 CONSISTENT_PX = 1.0  # forward and backward flow must meet this closely
-DARK = 1e-3  # of SDR white: below, a gain is noise
+DARK = 1e-3  # of SDR white: below it, a gain is noise
 HIGHLIGHT = 0.5  # of SDR white
 FLAT = 0.03  # relative deviation within a window up to which a highlight counts as flat
 CLIPPED = 0.98  # of a channel: compression lets clipped areas waver
@@ -27,9 +27,9 @@ WINDOW_PX = 9
 
 
 def known_flow(shape_hw: tuple[int, int], dx_px: float, dy_px: float) -> tuple[Float32, Mask]:
-    """Flow of a window whose origin moved by (dx, dy) since the earlier frame, and where it holds.
+    """The flow of a window whose origin moved by (dx, dy), and where it is valid.
 
-    Pixel (u, v) of the later frame looked at (u + dx, v + dy) in the earlier one.
+    Pixel (u, v) of the later frame was at (u + dx, v + dy) in the earlier one.
     """
     height, width = shape_hw
     flow = np.empty((height, width, 2), np.float32)
@@ -38,7 +38,7 @@ def known_flow(shape_hw: tuple[int, int], dx_px: float, dy_px: float) -> tuple[F
 
 
 def estimated_flow(here: Code, before: Code) -> tuple[Float32, Mask]:
-    """Flow of the later picture `here` into `before` (8-bit grey), and where both ways agree."""
+    """The flow from the later picture `here` to `before` (8-bit grey), and where it is valid."""
     flow, back = flow_px(here, before), flow_px(before, here)
     returned = cv2.remap(back, _grid(flow.shape[:2]) + flow, None, cv2.INTER_LINEAR)
     error = np.hypot(flow[..., 0] + returned[..., 0], flow[..., 1] + returned[..., 1])
@@ -46,7 +46,7 @@ def estimated_flow(here: Code, before: Code) -> tuple[Float32, Mask]:
 
 
 def change_along(before: Float32, after: Float32, flow: Float32, valid: Mask) -> float:
-    """Mean absolute change of a quantity along the flow, where it is valid; NaN where nowhere."""
+    """Mean absolute change of a quantity along the flow, where valid; NaN if valid nowhere."""
     if not valid.any():
         return math.nan
     difference = np.abs(after - warp(before, flow))
@@ -65,11 +65,11 @@ def background_level(gain_stops: Float32, sdr: Float32) -> float:
 
 
 def noise_gain(hdr: Float32, sdr: Float32, greatest: Float32) -> float:
-    """Grain of log2 luminance in flat highlights after over before; NaN where there are none.
+    """Grain of log2 luminance in flat highlights, after over before; NaN if there are none.
 
-    The median over windows that are flat before; where a pixel's `greatest` channel (of SDR,
-    linear) clips, its grain is cut off, and the window does not count. Grain is what differs from
-    the pixels beside it, so that a smooth rise of the gain is none.
+    The median over windows that are flat before. Windows in which a pixel's `greatest` channel
+    (linear SDR) clips do not count, because its grain is cut off. Grain is the difference from
+    adjacent pixels, so that a smooth rise of the gain does not count.
     """
     before, after = (np.log2(np.maximum(x, 1e-6)).astype(np.float64) for x in (sdr, hdr))
     deviation_before = _deviation(before)

@@ -1,4 +1,4 @@
-"""EXR sequences by the source frame that each file belongs to, and the pictures in them.
+"""EXR sequences, by the source frame that each file belongs to, and their pictures.
 
 Pictures are linear BT.709 RGB, SDR white = 1, float32 (H, W, 3): the primaries of measurements.
 """
@@ -30,10 +30,10 @@ PRIMARIES = "rec709"
 
 @dataclass(frozen=True)
 class ExrSequence:
-    """A folder's EXR files by number; `made` is what its manifest says, where it has one.
+    """A folder's EXR files by number; `made` has what its manifest says, if there is one.
 
-    The file with `first_number` belongs to the source's frame 0. In a folder that no conversion
-    made, that is taken to be the lowest number there.
+    The file with `first_number` belongs to the source's frame 0; in a folder without a manifest
+    that is the lowest number.
     """
 
     path: Path
@@ -43,40 +43,40 @@ class ExrSequence:
 
     @property
     def settings(self) -> Settings | None:
-        """What it was made with, where a manifest says so."""
+        """The settings it was made with, if there is a manifest."""
         return None if self.made is None else self.made.settings
 
     @property
     def notices(self) -> tuple[str, ...]:
-        """What should be reported before."""
+        """What should be reported first."""
         return () if self.made is None else self.made.notices
 
     @property
     def by_index(self) -> dict[int, Path]:
-        """The files by index of their source frames, rising."""
+        """The files by index of their source frames, in ascending order."""
         return {number - self.first_number: file for number, file in self.files.items()}
 
     @property
     def settings_or_default(self) -> Settings:
-        """What it was made with, as far as is known."""
+        """The settings it was made with, or the defaults."""
         return self.settings or Settings()
 
     def read(self, number: int, part: str | None = None) -> ExrImage:
-        """A file, or a part of it; raises InputError unless it is whole, and the folder's own."""
+        """A file, or a part of it; raises InputError unless it is complete and belongs here."""
         if self.made is not None and part in (None, "0"):
             return self.made.read(number)
         return read_exr(self.files[number], part)
 
     def rgb(self, number: int, part: str | None = None) -> Float32:
-        """`exr_rgb` of what `read` gives."""
+        """`exr_rgb` of what `read` returns."""
         return exr_rgb(self.read(number, part), self.files[number])
 
 
 @dataclass(frozen=True)
 class Pair:
-    """A file and its truth, by their sequences and numbers, and the index of their source frame.
+    """A file and its truth, by sequence and number, and the index of their source frame.
 
-    `part` is the part of the truth's file that is meant, None for the first picture in it.
+    `part` is the part of the truth's file to read; None for the first picture in it.
     """
 
     index: int
@@ -105,7 +105,7 @@ class Pair:
 
 
 def open_sequence(folder: Path) -> ExrSequence:
-    """The EXR files of a folder; InputError where there are none or their manifest is not valid."""
+    """The EXR files of a folder; InputError if there are none or the manifest is invalid."""
     made = find_converted(folder)
     if made is not None:
         files, first = made.files, made.first_number
@@ -113,12 +113,12 @@ def open_sequence(folder: Path) -> ExrSequence:
         files = _numbered(sorted(folder.glob("*.exr")))
         first = min(files, default=0)
     if not files:
-        raise InputError("no EXR files in it", where=str(folder))
+        raise InputError("contains no EXR files", where=str(folder))
     return ExrSequence(folder, files, first, made)
 
 
 def _numbered(paths: Sequence[Path]) -> dict[int, Path]:
-    """Files by the last number in their names; counted from 0 where not all have one of their own.
+    """Files by the last number in their names; counted from 0 unless all numbers differ.
 
     `paths` are sorted by name.
     """
@@ -132,8 +132,8 @@ def _numbered(paths: Sequence[Path]) -> dict[int, Path]:
 def pair(test: ExrSequence, truth: ExrSequence, part: str | None = None) -> list[Pair]:
     """Each file of `test` with its truth, by the index of the source frame.
 
-    Where the truth has no manifest and the very same numbers, or neither has one and the truth has
-    all the test's numbers, the numbers count. Raises InputError for frames without a truth.
+    Numbers are matched instead if the truth has no manifest and the same numbers, or if neither has
+    a manifest and the truth has all the test's numbers. InputError for frames without a truth.
     """
     numbers, true_numbers = set(test.files), set(truth.files)
     is_same = truth.settings is None and numbers == true_numbers
@@ -151,9 +151,9 @@ def pair(test: ExrSequence, truth: ExrSequence, part: str | None = None) -> list
 
 
 def open_source(source: Path, sequence: ExrSequence | None) -> Clip:
-    """The SDR clip, read as the sequence's conversion reads it; a clip tagged HDR is, too.
+    """The SDR clip, read as by the sequence's conversion, even if it is tagged as HDR.
 
-    Raises InputError where the sequence was made of another one.
+    Raises InputError if the sequence was made from another clip.
     """
     settings = Settings() if sequence is None else sequence.settings_or_default
     values = {**settings.as_dict(), "force_sdr": True, "raw": None}
@@ -164,26 +164,26 @@ def open_source(source: Path, sequence: ExrSequence | None) -> Clip:
 
 
 def frame_rgb(frame: Frame) -> Float32:
-    """The picture of an SDR frame, in [0, 1] before primaries are changed."""
+    """The picture of an SDR frame, in [0, 1] before primaries are converted."""
     planes = linear_light.to_rgb_linear(frame, clip=True)
     return _to_bt709(np.dstack(planes), frame.encoding.primaries)
 
 
 def exr_rgb(image: ExrImage, where: Path) -> Float32:
-    """The picture of an EXR file; raises InputError where R, G or B is missing."""
+    """The picture of an EXR file; raises InputError if R, G or B is missing."""
     if missing := [name for name in "RGB" if name not in image.channels]:
-        raise InputError(f"it has no channel {', '.join(missing)}", where=str(where))
+        raise InputError(f"has no channel {', '.join(missing)}", where=str(where))
     planes = [image.shown(name).astype(np.float32) for name in "RGB"]
     return _to_bt709(np.dstack(planes), image.primaries)
 
 
 def read_rgb(path: Path, part: str | None = None) -> Float32:
-    """`exr_rgb` of a file by itself, or of a part of it; raises InputError unless it is whole."""
+    """`exr_rgb` of a file, or of a part of it; raises InputError unless it is complete."""
     return exr_rgb(read_exr(path, part), path)
 
 
 def frame_rate(test: ExrSequence, clip: Clip | None) -> Fraction:
-    """Frames a second: the files' own, or the clip's, or 24."""
+    """Frames per second: the files' own, or the clip's, or 24."""
     first = test.read(next(iter(test.files)))
     stated: Any = first.attributes.get("framesPerSecond")
     if stated:

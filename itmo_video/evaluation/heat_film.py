@@ -1,4 +1,4 @@
-"""Heat maps as a film to look at: H.264 in MP4, which any player and browser shows."""
+"""Writes heat maps as a film: H.264 in MP4, which any player and browser shows."""
 
 from __future__ import annotations
 
@@ -26,10 +26,10 @@ def check_film(path: Path) -> None:
 
 
 def write_film(gate: Gate, pictures: Iterator[Code], frame_rate: Fraction) -> int:
-    """Write sRGB pictures, uint8 (H, W, 3), under a temporary name, rename; returns how many.
+    """Write sRGB pictures, uint8 (H, W, 3), under a temporary name, rename; returns their number.
 
-    A last row or column is repeated where the size is odd. Raises OutputError where it cannot be
-    written; no temporary file stays.
+    If the size is odd, the last row or column is repeated. Raises OutputError if it cannot be
+    written; the temporary file is then removed.
     """
     import av
 

@@ -1,4 +1,4 @@
-"""A simple scene lit by a panorama, for judging a conversion as a light source (paper, figure 8).
+"""A simple scene lit by a panorama, to evaluate a conversion as a light source (figure 8).
 
 Needs Mitsuba 3 (extra `ibl`), which is imported only when a scene is rendered.
 """
@@ -31,12 +31,12 @@ SEED = 7  # the same for every panorama, so that noise is alike on both sides
 
 @dataclass(frozen=True)
 class Lighting:
-    """How renders by a converted panorama agree with renders by the true one.
+    """How close renders lit by a converted panorama are to those lit by the true one.
 
-    `error` is the root mean square difference of luminance, where plane or balls are seen, over the
-    true mean; `exposed_error` the same after the one exposure that makes it least. Of shadows, of
-    the test and of the truth: `sharpness` is the 99th percentile of the gradient on the ground,
-    stops a pixel, and `depth` the stops from its median to its 2nd percentile.
+    `error` is the root mean square difference of luminance, where plane or balls are visible, over
+    the true mean; `exposed_error` the same after the exposure that minimises it. Shadows, of test
+    and truth: `sharpness` is the 99th percentile of the gradient on the ground in stops per pixel,
+    `depth` the stops from its median to its 2nd percentile.
     """
 
     error: float
@@ -48,8 +48,8 @@ class Lighting:
 def render_lit(panorama: Floats) -> Float32:
     """Linear RGB (HEIGHT, WIDTH, 3) of a plane, a diffuse ball and a rough metal ball.
 
-    `panorama` is linear RGB (H, W, 3), latitude-longitude, up at the top. Raises UsageError where
-    Mitsuba is not installed.
+    `panorama` is linear RGB (H, W, 3), latitude-longitude, the zenith at the top. Raises UsageError
+    unless Mitsuba is installed.
     """
     mi = require_mitsuba()
     mi.set_variant("scalar_rgb")
@@ -59,7 +59,7 @@ def render_lit(panorama: Floats) -> Float32:
 
 
 def require_mitsuba() -> Any:
-    """The module of Mitsuba 3; raises UsageError where it is not installed."""
+    """The module of Mitsuba 3; raises UsageError unless it is installed."""
     try:
         import mitsuba
     except ImportError as error:
@@ -97,7 +97,7 @@ def _scene(mi: Any, bitmap: Any) -> dict[str, Any]:
 def compare_lit(test: Floats, truth: Floats) -> Lighting:
     """Agreement of two renders of the scene, linear RGB (HEIGHT, WIDTH, 3) each.
 
-    Raises ValueError where their shapes differ.
+    Raises ValueError if their shapes differ.
     """
     if test.shape != truth.shape:
         raise ValueError(f"renders differ in size: {test.shape} and {truth.shape}")
@@ -114,7 +114,7 @@ def compare_lit(test: Floats, truth: Floats) -> Lighting:
 
 
 def _shadow(luminance: Float64) -> tuple[float, float]:
-    # A median takes the render's noise off the ground and leaves the shadow's edge where it is.
+    # A median removes the render's noise from the ground without moving the shadow's edge.
     smooth = cv2.medianBlur(luminance.astype(np.float32), 5)
     stops = np.log2(np.maximum(smooth, 1e-9).astype(np.float64))
     slope = np.hypot(*np.gradient(stops))
@@ -124,13 +124,13 @@ def _shadow(luminance: Float64) -> tuple[float, float]:
 
 
 def ground_mask() -> Mask:
-    """Pixels, (HEIGHT, WIDTH), that see the plane and whose neighbours do, too."""
+    """Pixels, (HEIGHT, WIDTH), that show the plane and whose neighbours do, too."""
     ground, _ = _what_is_seen()
     return np.asarray(cv2.erode(ground.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0)
 
 
 def _what_is_seen() -> tuple[Mask, Mask]:
-    """Pixels that see the plane, and pixels that see a ball; the others see the panorama."""
+    """Pixels that show the plane, and pixels that show a ball; others show the panorama."""
     eye, target = np.array(_EYE), np.array(_TARGET)
     forward = (target - eye) / np.linalg.norm(target - eye)
     right = np.cross(forward, [0.0, 1.0, 0.0])

@@ -1,6 +1,6 @@
-"""`evaluate --ibl`: a scene lit by a converted panorama, by its SDR and by the naive expansion.
+"""`evaluate --ibl`: a scene lit by a converted panorama, its SDR and the naive expansion.
 
-All are compared with the scene lit by the true panorama. Needs the extra `ibl`.
+Each is compared with the scene lit by the true panorama. Needs the extra `ibl`.
 """
 
 from __future__ import annotations
@@ -37,14 +37,14 @@ _Side = ExrSequence | Path  # a folder, or a file by itself
 
 
 def compare_lights(test: Path, reference: Path, source: Path | None) -> dict[str, ibl.Lighting]:
-    """Means over frames of how renders agree, by row: TEST, and with the SDR clip SDR and NAIVE.
+    """Mean agreement of renders over frames, by row: TEST, and with the SDR clip SDR and NAIVE.
 
     `test` and `reference` are folders of EXR files, or one .exr or .hdr file; 1.0 is SDR white in
-    both. The naive row is the operator of Landis at the L'max that `test` was made with. Raises
-    InputError where they do not fit together or are no latitude-longitude panoramas, UsageError
-    where Mitsuba is not installed.
+    both. The row NAIVE is Landis's operator at the L'max that `test` was made with. Raises
+    InputError if they do not match or are not latitude-longitude panoramas, UsageError unless
+    Mitsuba is installed.
     """
-    ibl.require_mitsuba()  # to be told at once
+    ibl.require_mitsuba()  # so that it fails at once
     found: dict[str, list[ibl.Lighting]] = {}
     for lights, truth in _lights(_opened(test), _opened(reference), source):
         lit = ibl.render_lit(truth)
@@ -56,7 +56,7 @@ def compare_lights(test: Path, reference: Path, source: Path | None) -> dict[str
 def _lights(
     test: _Side, reference: _Side, source: Path | None
 ) -> Iterator[tuple[dict[str, Float32], Float32]]:
-    """Of each frame the panoramas by row, and the true one, ready to light the scene."""
+    """The panoramas of each frame by row, and the true one, ready to light the scene."""
     pairs = _pairs(test, reference)
     originals: Iterable[Frame | None] = repeat(None)
     sequence = None if isinstance(test, Path) else test
@@ -75,7 +75,7 @@ def _lights(
 
 @dataclass(frozen=True)
 class _Picture:
-    """A file, of a sequence or by itself."""
+    """A file, alone or of a sequence."""
 
     path: Path
     sequence: ExrSequence | None = None
@@ -98,7 +98,7 @@ def _opened(path: Path) -> _Side:
 
 
 def _pairs(test: _Side, reference: _Side) -> list[tuple[int, _Picture, _Picture]]:
-    """Index of the source's frame, picture and true one; a single file stands for one frame."""
+    """The source frame's index, the picture and the true one; a single file is one frame."""
     if isinstance(test, ExrSequence) and isinstance(reference, ExrSequence):
         return [
             (
@@ -113,12 +113,12 @@ def _pairs(test: _Side, reference: _Side) -> list[tuple[int, _Picture, _Picture]
 
 
 def _only(side: _Side) -> tuple[int, _Picture]:
-    """Index and file of the only picture: the file itself, or that of a folder with one."""
+    """Index and file of the only picture: the file itself, or the only one of a folder."""
     if isinstance(side, Path):
         return 0, _Picture(side)
     if len(side.files) > 1:
         raise InputError(
-            f"it has {len(side.files)} pictures, the other side is one file", where=str(side.path)
+            f"has {len(side.files)} pictures, but the other side is one file", where=str(side.path)
         )
     ((number, path),) = side.files.items()
     return number - side.first_number, _Picture(path, side, number)
@@ -138,14 +138,14 @@ def _naive(frame: Frame, settings: Settings) -> Float32:
 
 
 def _fitted(rgb: Float32, where: str) -> Float32:
-    """A panorama at the size that it lights the scene with; area-averaged, so light is kept."""
+    """A panorama at the size used for lighting; area-averaged, which preserves its light."""
     height, width = rgb.shape[:2]
     if abs(width / (2 * height) - 1) > _ASPECT_TOLERANCE:
         raise InputError(
             f"not a latitude-longitude panorama: {width}x{height} is not 2:1", where=where
         )
     if not np.isfinite(rgb).all():
-        raise InputError("it has pixels that are not numbers", where=where)
+        raise InputError("has pixels that are not numbers (NaN)", where=where)
     if width > SIZE[0]:
         rgb = np.asarray(cv2.resize(rgb, SIZE, interpolation=cv2.INTER_AREA), np.float32)
     return np.maximum(rgb, 0)

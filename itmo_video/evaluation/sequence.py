@@ -1,4 +1,4 @@
-"""Flicker of a converted folder, shot by shot, along its clip's motion."""
+"""The flicker of a converted folder, shot by shot, along the clip's motion."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ METRICS = (
 
 @dataclass
 class ShotFlicker:
-    """A shot's first and last frame, by their files' numbers, and figures; NaN for unknown."""
+    """A shot's first and last frame, by file number, and its figures; NaN if unknown."""
 
     first: int
     last: int
@@ -44,7 +44,7 @@ class ShotFlicker:
 
 @dataclass(frozen=True)
 class _Seen:
-    """One frame at analysis size, `reduction` (x, y) of the clip's."""
+    """One frame at analysis size; `reduction` is the clip's size over it, (x, y)."""
 
     index: int
     reduction: tuple[float, float]
@@ -65,10 +65,10 @@ def flicker_by_shot(
 ) -> list[ShotFlicker]:
     """Flicker figures of each shot of a converted folder; by known origins or estimated flow.
 
-    The luminances of SDR and HDR are compared, so the folder may be anybody's; map flicker needs
-    the layer expand_map. Only steps from one frame to the very next count. Keys are `key_interval`
-    frames apart, by default as the folder's settings have it. Raises InputError where folder and
-    clip do not fit.
+    Compares the luminances of SDR and HDR, so the folder may come from any program; map flicker
+    needs the layer expand_map. Only steps to the very next frame count. Keyframes are
+    `key_interval` frames apart, by default as in the folder's settings. Raises InputError if folder
+    and clip do not match.
     """
     sequence = open_sequence(folder)
     interval = key_interval or sequence.settings_or_default.key_interval
@@ -88,7 +88,7 @@ def flicker_by_shot(
 
 
 def over_shots(shots: Sequence[ShotFlicker]) -> dict[str, float]:
-    """The clip's figures: means over shots by their lengths; the largest drift."""
+    """The clip's figures: means over shots, weighted by length; of drift, the maximum."""
     out: dict[str, float] = {}
     for name in METRICS:
         pairs = [(s.figures[name], s.last - s.first + 1) for s in shots]
@@ -106,13 +106,14 @@ def over_shots(shots: Sequence[ShotFlicker]) -> dict[str, float]:
 def read_origins(path: Path) -> Origins:
     """Window origins (x, y) by frame index, in the clip's pixels; raises UsageError otherwise.
 
-    The file is JSON with "origins", a pair of numbers for each frame of the clip; more is ignored.
+    The file is JSON with "origins", a pair of numbers for each frame of the clip; other entries are
+    ignored.
     """
     try:
         origins = read_json(path)["origins"]
         return [(float(x), float(y)) for x, y in origins]
     except (InputError, ValueError, KeyError, TypeError, OverflowError) as error:
-        raise UsageError(f"no origins can be read: {error}", where=str(path)) from error
+        raise UsageError(f"the origins cannot be read: {error}", where=str(path)) from error
 
 
 def luminance(rgb: Float32) -> Float32:
@@ -128,7 +129,7 @@ def _frames(sequence: ExrSequence, source: Path) -> Iterator[_Seen]:
     starts_shot = False
     with open_source(source, sequence) as clip:
         width, height = analysis_size(*clip.info.display_size, settings.map_width)
-        # Cuts are looked for in the frames before the first file, too: it may follow one closely.
+        # Frames before the first file count for cuts, too, as it may closely follow one.
         start = max(0, min(files) - 2 * CUT_REACH)
         for placed in place(_analysed(clip, start, settings.map_width), 1, start):
             frame = placed.analysed
@@ -143,7 +144,7 @@ def _frames(sequence: ExrSequence, source: Path) -> Iterator[_Seen]:
             before = frame_rgb(frame.frame)
             sdr, hdr = luminance(before), luminance(exr_rgb(image, path))
             if hdr.shape != sdr.shape:
-                raise InputError(f"its size is not the clip's {sdr.shape[::-1]}", where=str(path))
+                raise InputError(f"not of the clip's size, {sdr.shape[::-1]}", where=str(path))
             gain = flicker.log_gain(hdr, sdr)
             weight = image.channels.get("expand_map.Y")
             yield _Seen(
@@ -159,9 +160,9 @@ def _frames(sequence: ExrSequence, source: Path) -> Iterator[_Seen]:
             starts_shot = False
     if unseen:
         raise InputError(
-            f"it has no frame for {files[min(unseen)].name}",
+            f"has no frame for {files[min(unseen)].name}",
             where=str(source),
-            remedy="Is it the clip that the folder was made of?",
+            remedy="Give the clip that the folder was made from.",
         )
 
 
@@ -177,7 +178,7 @@ def _small(values: Float32, width: int, height: int) -> Float32:
 
 
 class _Mean:
-    """A running mean of what is not NaN; NaN of nothing."""
+    """A running mean of what is not NaN; NaN if empty."""
 
     def __init__(self) -> None:
         self._total, self._count = 0.0, 0
@@ -193,7 +194,7 @@ class _Mean:
 
 
 class _Running:
-    """A shot's figures while its frames go by; holds no pictures but the last one's and key's."""
+    """Accumulates a shot's figures; holds the pictures of the last frame and keyframe only."""
 
     def __init__(self, first: int, origins: Origins | None, key_interval: int) -> None:
         self._first = self.last = first

@@ -1,4 +1,4 @@
-"""Figures of `evaluate` as text for a terminal, and as what JSON has."""
+"""The figures of `evaluate` as text for terminals, and as values for JSON."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ HEADINGS = {
 
 
 def plain(value: Any) -> Any:
-    """Values that JSON has: not a number and infinity become null, keys become words."""
+    """Values for JSON: NaN and infinity become null, keys become strings."""
     if isinstance(value, Mapping):
         return {str(key): plain(part) for key, part in value.items()}
     if isinstance(value, list | tuple):
@@ -29,14 +29,14 @@ def plain(value: Any) -> Any:
 
 
 def agreement_facts(agreement: Agreement) -> dict[str, Any]:
-    """An Agreement as plain values, its figures first."""
+    """An Agreement as plain values, figures first."""
     told = asdict(agreement)
     figures: dict[str, Any] = told.pop("figures")
     return figures | told
 
 
 def agreement_table(rows: Mapping[str, Agreement]) -> str:
-    """Figures, errors by zone, percentiles and worst frames of each row."""
+    """Figures, errors by zone, percentiles and worst frames, for each row."""
     names = [name for name in HEADINGS if any(name in row.figures for row in rows.values())]
     parts = [
         _table(
@@ -45,7 +45,7 @@ def agreement_table(rows: Mapping[str, Agreement]) -> str:
              for title, row in rows.items()),
         ),
         _table(
-            ["true stops against white", *(_bounds(z) for z in next(iter(rows.values())).zones)],
+            ["true stops rel. to white", *(_bounds(z) for z in next(iter(rows.values())).zones)],
             [["share", *(f"{z.share:.2%}" for z in next(iter(rows.values())).zones)]]
             + [[f"{title}, mean error", *(_cell(z.mean, 2) for z in row.zones)]
                for title, row in rows.items()]
@@ -66,13 +66,13 @@ def agreement_table(rows: Mapping[str, Agreement]) -> str:
 
 
 def flicker_table(shots: Sequence[ShotFlicker], clip: Mapping[str, float]) -> str:
-    """A line a shot, numbered as in the file names, and one for the clip."""
+    """One line per shot, numbered as in the file names, and one for the clip."""
     rows = [[f"shot {s.first}-{s.last}", *(_cell(v, 5) for v in s.figures.values())] for s in shots]
     return _table(["", *clip], [*rows, ["clip", *(_cell(value, 5) for value in clip.values())]])
 
 
 def lighting_facts(lighting: Lighting) -> dict[str, float]:
-    """A Lighting as figures by name, its own before the truth's."""
+    """A Lighting as figures by name, the test's before the truth's."""
     (sharpness, true_sharpness), (depth, true_depth) = lighting.sharpness, lighting.depth
     return {
         "light_error": lighting.error,
@@ -85,7 +85,7 @@ def lighting_facts(lighting: Lighting) -> dict[str, float]:
 
 
 def lighting_table(rows: Mapping[str, Lighting]) -> str:
-    """A line a row, and one for the scene lit by the truth."""
+    """One line per row, and one for the scene lit by the truth."""
     true = next(iter(rows.values()))
     head = ["", "error", "at best exposure", "shadow sharpness, stops/pixel", "shadow depth, stops"]
     lines = [["true probe", "", "", _cell(true.sharpness[1]), _cell(true.depth[1], 2)]]

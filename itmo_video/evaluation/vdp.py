@@ -1,7 +1,7 @@
-"""ColorVideoVDP of a film against its truth: JOD, and where in the picture the differences are.
+"""ColorVideoVDP of a film and its truth: JOD, and where in the picture they differ.
 
 Mantiuk, Hanji, Ashraf, Asano and Chapiro, ColorVideoVDP, ACM Transactions on Graphics 2024. It is
-the extra `vdp`, imported only when something is measured. Pictures are linear BT.709 RGB in cd/m2,
+the extra `vdp`, imported only when needed. Pictures are linear BT.709 RGB in cd/m2,
 float32 (H, W, 3).
 """
 
@@ -29,14 +29,14 @@ from itmo_video.words import to_install
 CONTRAST = 1e6  # of the display
 AMBIENT_LUX = 5.0
 _MEMORY_S = Fraction(1, 4)  # the metric's temporal filters end after 250 ms
-_CHUNK = 8  # frames of heat map made in one go, at least
+_CHUNK = 8  # frames of heat map computed at a time, at least
 
 Pictures = Iterator[tuple[Float32, Float32]]  # test and truth
 
 
 @dataclass(frozen=True)
 class Film:
-    """A film and its truth: `pictures()` begins anew each time and gives `frames` pairs."""
+    """A film and its truth: `pictures()` starts again on each call and yields `frames` pairs."""
 
     pictures: Callable[[], Pictures]
     frames: int
@@ -45,23 +45,23 @@ class Film:
 
 
 def require_vdp() -> None:
-    """Raise UsageError where the extra is not installed."""
+    """Raise UsageError unless the extra is installed."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         _import()
 
 
 def on_display(rgb: Float32, display: Display) -> Float32:
-    """What a display shows of linear RGB with 1.0 at its white, cd/m2, each channel clipped."""
+    """What a display shows for linear RGB with 1.0 at white: cd/m2, each channel clipped."""
     shown = np.clip(rgb * np.float32(display.white_nits), DARKEST_NITS, display.peak_nits)
     return np.asarray(shown, np.float32)
 
 
 def jod(film: Film, display: Display) -> float:
-    """Just-objectionable differences of a film: 10 where it is identical, falling with quality.
+    """Just-objectionable differences of a film: 10 if identical, lower for worse quality.
 
-    Of a film of one frame, as a still. Holds as many pictures as the metric's filters are long.
-    Raises UsageError where the extra is not installed.
+    A film of one frame is measured as a still. Holds as many pictures as the metric's filters are
+    long. Raises UsageError unless the extra is installed.
     """
     with _metric(film.size, display, heat_map=None) as metric:
         source = _Source(film.pictures(), film.frames, film, metric.display_photometry)
@@ -70,11 +70,11 @@ def jod(film: Film, display: Display) -> float:
 
 
 def heat_map(film: Film, display: Display) -> Iterator[Code]:
-    """For each frame, where its differences are seen: sRGB, uint8 (H, W, 3).
+    """For each frame, where differences are visible: sRGB, uint8 (H, W, 3).
 
     The metric's `supra-threshold` colours (yellow: 3 JOD) over the truth's brightness. It keeps
-    all maps of a run, so runs are short, each with the frames before it that its filters reach.
-    Raises UsageError where the extra is not installed.
+    all maps of a run, so runs are short, each with the preceding frames that its filters need.
+    Raises UsageError unless the extra is installed.
     """
     reach = 2 * ceil(_MEMORY_S * film.frame_rate / 2)
     pictures = film.pictures()
@@ -90,7 +90,7 @@ def heat_map(film: Film, display: Display) -> Iterator[Code]:
 
 
 class _Source:
-    """What the metric asks of a film (its video_source): pairs in order, each asked for once."""
+    """A film as the metric's video_source: pairs in order, each requested once."""
 
     def __init__(self, pictures: Pictures, frames: int, film: Film, photometry: Any) -> None:
         self._pictures, self._frames, self._film = pictures, frames, film
@@ -120,7 +120,7 @@ class _Source:
         while self._pair is None or self._at < frame:
             self._pair = next(self._pictures)
             self._at += 1
-        assert self._at == frame, "the metric goes back"
+        assert self._at == frame, "the metric went back to an earlier frame"
         planes = np.ascontiguousarray(self._pair[side].transpose(2, 0, 1))
         tensor = torch.from_numpy(planes).to(device)[None, :, None]  # batch, colour, frame, H, W
         return self._photometry.source_2_target_colorspace(tensor, colorspace)
@@ -129,7 +129,7 @@ class _Source:
 @contextmanager
 def _metric(size: tuple[int, int], display: Display, heat_map: str | None) -> Iterator[Any]:
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # torch's and the metric's own, of no use to anybody here
+        warnings.simplefilter("ignore")  # torch's and the metric's own, of no use here
         pycvvdp = _import()
         photometry = pycvvdp.vvdp_display_photo_eotf(
             Y_peak=display.peak_nits, contrast=CONTRAST, EOTF="linear", E_ambient=AMBIENT_LUX
@@ -145,9 +145,9 @@ def _import() -> Any:
         import torch
 
         try:
-            import torchvision  # noqa: F401 - only whether it can be had
+            import torchvision  # noqa: F401 - only whether it can be imported
         except (ImportError, RuntimeError):
-            # PyPI's torchvision does not go with every build of torch; the metric needs a blur.
+            # PyPI's torchvision does not match every build of torch; the metric needs only a blur.
             with _stand_in_for_torchvision(torch):
                 import pycvvdp
         else:
@@ -162,10 +162,10 @@ def _import() -> Any:
 
 @contextmanager
 def _stand_in_for_torchvision(torch: Any) -> Iterator[None]:
-    """What the metric imports of torchvision, while it does: to all others it stays missing."""
+    """Provide what the metric imports from torchvision, only while it does so."""
 
     class GaussianBlur(torch.nn.Module):  # type: ignore[misc]  # its base is Any here
-        """Over the last two axes, edges reflected, as torchvision's with a fixed sigma."""
+        """A blur of the last two axes, edges reflected, as torchvision's with a fixed sigma."""
 
         def __init__(self, kernel_size: int, sigma: float) -> None:
             super().__init__()
@@ -183,12 +183,12 @@ def _stand_in_for_torchvision(torch: Any) -> Iterator[None]:
             return blurred.reshape(picture.shape)
 
     parts = {name: types.ModuleType(f"torchvision.{name}") for name in ("transforms", "ops")}
-    # Modules are told here what they have, which no type knows.
+    # Attributes are set on modules here, which types cannot express.
     parts["transforms"].GaussianBlur = GaussianBlur  # type: ignore[attr-defined]
     parts["ops"].MLP = torch.nn.Sequential  # type: ignore[attr-defined] # imported, not used
     whole = types.ModuleType("torchvision")
     modules = {"torchvision": whole} | {f"torchvision.{n}": part for n, part in parts.items()}
-    _forget_torchvision()  # what a failed import left of it
+    _forget_torchvision()  # remains of a failed import
     sys.modules.update(modules)
     try:
         yield

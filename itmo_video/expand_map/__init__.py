@@ -1,1 +1,1 @@
-"""The Expand Map of one key: median cut, density of lights, letterbox bars."""
+"""The Expand Map of one keyframe: median cut, density of lights, letterbox bars."""

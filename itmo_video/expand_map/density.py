@@ -1,7 +1,7 @@
-"""The Expand Map: how densely a picture's lights stand around each pixel (section 2.3).
+"""The Expand Map: the density of a picture's lights around each pixel (section 2.3).
 
-Positions and radii are in pixels of the analysis picture, pixel centres at whole numbers. A light's
-power is luminance * pixels with white at 1, so that a white area has density 1 whatever its size.
+Positions and radii are in pixels of the analysis picture, with pixel centres at whole numbers. A
+light's power is luminance * pixels with white at 1, so a white area of any size has density 1.
 """
 
 from __future__ import annotations
@@ -27,14 +27,14 @@ BETA = 1.953
 RAMP_BELOW, RAMP_ABOVE = 2.1, 1.9  # lights below and above the threshold
 
 _PAPER_PIXELS = 512 * 768  # the pictures that the paper's radius of 16 was chosen on
-_MAX_PAIRS = 1_000_000  # light-pixel pairs looked at in one go: bounds memory on large pictures
+_MAX_PAIRS = 1_000_000  # light-pixel pairs processed at a time: bounds memory on large pictures
 
 
 def scaled_radius_px(radius: float, width: int, height: int) -> float:
-    """Radius r_t for a picture of this size, where the paper's 16 is for 512x768 pixels.
+    """The radius r_t for a picture of this size, the paper's 16 being for 512x768 pixels.
 
-    Departs from the paper, which has one radius: the number of lights stays, so what a radius
-    means goes with the root of the area.
+    Departs from the paper, which has one radius: the number of lights is fixed, so the radius has
+    to scale with the root of the area.
     """
     return radius * math.sqrt(width * height / _PAPER_PIXELS)
 
@@ -42,8 +42,8 @@ def scaled_radius_px(radius: float, width: int, height: int) -> float:
 def kernel_weight(distance_px: npt.ArrayLike, r_max_px: npt.ArrayLike) -> Float64:
     """Gaussian filter weight of a light at `distance_px`, eq. 16.
 
-    Any shapes that broadcast, 0 <= distance_px <= r_max_px. GAMMA where `r_max_px` is 0, which
-    eq. 16 leaves open: all lights in reach then stand on the pixel itself.
+    Any shapes that broadcast, 0 <= distance_px <= r_max_px. GAMMA if `r_max_px` is 0, which
+    eq. 16 leaves open: all lights within reach are then on the pixel itself.
     """
     distance, r_max = np.asarray(distance_px, np.float64), np.asarray(r_max_px, np.float64)
     ratio = distance / np.where(r_max > 0.0, r_max, 1.0)
@@ -68,11 +68,11 @@ def density_map(
     min_lights: float,
     wrap_x: bool = False,
 ) -> Float32:
-    """Expand Map of a picture: eq. 17 over the lights within `radius_px`, as a share of white's.
+    """The Expand Map of a picture: eq. 17 over the lights within `radius_px`, relative to white.
 
-    The weights are eq. 16 with r_max the farthest light in reach. 0 where fewer than `min_lights`
-    are in reach (section 2.3 finds 4 to 6 enough), clipped at 1. Float32 (H, W) in [0, 1].
-    Lights must lie on the picture; with `wrap_x` (panoramas) its left and right edges meet, and
+    The weights are eq. 16, with r_max the distance of the farthest light within reach. 0 where
+    fewer than `min_lights` are within reach (section 2.3: 4 to 6), clipped at 1. Float32 (H, W) in
+    [0, 1]. Lights must lie on the picture; with `wrap_x` (panoramas) left and right edges join, and
     a light counts at its nearest image. Raises ValueError for an empty shape or a bad radius.
     """
     height, width = _checked(shape_hw, radius_px)
@@ -85,7 +85,7 @@ def density_map(
         for part in parts:
             yield _pairs(lights, part, (height, width), radius_px, wrap_x)
 
-    # Twice over the pairs, as a pixel's r_max is known only after all its lights were seen.
+    # Two passes over the pairs, as a pixel's r_max is known only after all its lights.
     seen = list(pairs()) if len(parts) == 1 else None
     count = np.zeros(height * width, dtype=np.intp)
     r_max_square = np.zeros(height * width)
@@ -101,7 +101,7 @@ def density_map(
         pixel, light, square = pixel[kept], light[kept], square[kept]
         weighted = lights.power[light] * _weight_of_square(square / r_max_square[pixel])
         density += np.bincount(pixel, weights=weighted, minlength=density.size)
-    density /= white_density(radius_px)  # departs from the paper, which leaves the scale open
+    density /= white_density(radius_px)  # departs from the paper, which does not give the scale
     return np.minimum(density, 1.0).astype(np.float32).reshape(height, width)
 
 
@@ -114,11 +114,11 @@ def density_map_soft(
 ) -> Float32:
     """Expand Map that changes smoothly as lights move, for video; contract as `density_map`.
 
-    Departs from the paper in four ways, each taking out a jump: r_max is the radius itself in
-    eq. 16; lights are spread bilinearly over the four pixels around them; what of the disc lies
-    outside the picture is left out of account, so that a sky is no darker at the frame's edge; and
-    the threshold is a smooth ramp about `min_lights` on a count with a soft-edged disc (so set that
-    the map's mean is the hard one's over many panoramas). No threshold at `min_lights` <= 1.
+    Departs from the paper in four ways, each of which removes a jump: r_max is the radius itself in
+    eq. 16; lights are distributed bilinearly over the four pixels around them; the part of the disc
+    outside the picture does not count, so that a sky is not darker at the frame's edge; and the
+    threshold is a smooth ramp around `min_lights` on a count with a soft-edged disc (chosen so that
+    the mean map equals the hard one's over many panoramas). No threshold at `min_lights` <= 1.
     """
     height, width = _checked(shape_hw, radius_px)
     is_thresholded = min_lights > 1
@@ -128,7 +128,7 @@ def density_map_soft(
     if is_thresholded:
         _splat(lights, np.ones_like(lights.power), splats[1])
     sums = _convolved(splats, kernels)[:, :height, :width] / share
-    density = np.clip(sums[0], 0.0, 1.0)  # rounding leaves tiny negatives
+    density = np.clip(sums[0], 0.0, 1.0)  # rounding leaves tiny negative values
     if is_thresholded:
         start, end = max(min_lights - RAMP_BELOW, 0.0), min_lights + RAMP_ABOVE
         ramp = np.clip((sums[1] - np.float32(start)) / np.float32(end - start), 0.0, 1.0)
@@ -140,15 +140,15 @@ def density_map_soft(
 def _soft_kernels(
     shape_hw: tuple[int, int], radius_px: float, is_thresholded: bool, wrap_x: bool
 ) -> tuple[list[Float32], Float32, tuple[int, int]]:
-    """Spectra of the weights' and the count's kernels, and the size to transform at.
+    """The spectra of the weights' and the count's kernels, their shares, and the transform's size.
 
-    Between them, (1 or 2, H, W), the share of each kernel that lies in the picture.
+    Shares, (1 or 2, H, W), are those of each kernel inside the picture.
     """
     height, width = shape_hw
-    edge_px = max(1.0, 0.15 * radius_px)  # width of the soft edge, which straddles the radius
+    edge_px = max(1.0, 0.15 * radius_px)  # width of the soft edge, centred on the radius
     reach = math.ceil(radius_px + 0.5 * edge_px)
-    # Convolved by FFT: half of filter2D's time at a radius of 10 px, and the same at any other.
-    # Room beside the picture keeps its edges apart; without it they meet.
+    # FFT takes half of filter2D's time at a radius of 10 px, and the same for any other.
+    # Padding keeps the picture's edges apart; without it they wrap around.
     room_y, room_x = min(reach, height - 1), min(reach, width // 2 if wrap_x else width - 1)
     rows = cv2.getOptimalDFTSize(height + room_y)
     columns = width if wrap_x else cv2.getOptimalDFTSize(width + room_x)
@@ -172,12 +172,12 @@ def _soft_kernels(
 
 
 def _spectrum(plane: Float32) -> Float32:
-    """As cv2 packs it; scipy.fft is as quick, but takes an eighth of a second to import."""
+    """The spectrum as cv2 packs it; scipy.fft is as fast but takes 0.12 s to import."""
     return np.asarray(cv2.dft(plane), np.float32)
 
 
 def _convolved(planes: Float32, spectra: Sequence[Float32]) -> Float32:
-    """Each plane of (n, H, W) convolved with its kernel, given as a spectrum, ends joined."""
+    """Each plane of (n, H, W) convolved circularly with its kernel, given as a spectrum."""
     back = cv2.DFT_INVERSE | cv2.DFT_SCALE | cv2.DFT_REAL_OUTPUT
     products = (
         cv2.mulSpectrums(_spectrum(plane), spectrum, 0)
@@ -205,19 +205,19 @@ def _checked(shape_hw: tuple[int, int], radius_px: float) -> tuple[int, int]:
 def _able_to_count(
     lights: Lights, width: int, radius_px: float, min_lights: float, wrap_x: bool
 ) -> Lights:
-    """Leave out the lights that no pixel above the threshold can reach, by the paper's 2D-tree.
+    """Drop lights that cannot reach a pixel above the threshold, with the paper's 2D-tree.
 
-    Lights that share a pixel's reach are within two radii of each other, so one with too few such
-    neighbours adds to no pixel that counts.
+    Lights within reach of one pixel are within two radii of each other, so a light with too few
+    such neighbours contributes to no pixel that counts.
     """
     if min_lights <= 1:
         return lights
-    from scipy.spatial import cKDTree  # a tenth of a second, for the hard threshold only
+    from scipy.spatial import cKDTree  # takes 0.1 s to import, for the hard threshold only
 
     tree = cKDTree(
         np.column_stack((lights.x, lights.y)), boxsize=np.array([width if wrap_x else 0.0, 0.0])
     )
-    diameter = 2.0 * radius_px * (1.0 + 1e-9)  # a hair more, so that rounding loses none
+    diameter = 2.0 * radius_px * (1.0 + 1e-9)  # slightly more, so that rounding loses none
     near = tree.query_ball_point(tree.data, diameter, return_length=True)
     able = near >= min_lights
     return Lights(lights.x[able], lights.y[able], lights.power[able], lights.regions[able])
@@ -226,11 +226,11 @@ def _able_to_count(
 def _pairs(
     lights: Lights, part: slice, shape_hw: tuple[int, int], radius_px: float, wrap_x: bool
 ) -> tuple[Indices, Indices, Float64]:
-    """All pairs of a pixel and one of these lights within the radius of it.
+    """All pairs of a pixel and a light within its radius.
 
     Returns the flat index of the pixel, the index of the light and their squared distance.
-    Departs from the paper's search for the lights near each pixel: pixels stand on a grid, so
-    those near each light are known without a search.
+    Departs from the paper's search for the lights near each pixel: pixels are on a grid, so those
+    near each light are known without a search.
     """
     height, width = shape_hw
     row, dy = _axis_window(lights.y[part], height, radius_px, wrap=False)
@@ -247,7 +247,7 @@ def _pairs(
 def _axis_window(
     centre_px: Float64, size: int, radius_px: float, *, wrap: bool
 ) -> tuple[Indices, Float64]:
-    """Index and signed distance, both (n, m), of the m whole pixels around each centre.
+    """Index and signed distance, both (n, m), of the m pixels around each centre.
 
     The distance is infinite for those outside the picture.
     """
@@ -255,7 +255,7 @@ def _axis_window(
     nearest = np.rint(centre_px).astype(np.intp)
     index = nearest[:, np.newaxis] + np.arange(-reach, reach + 1)
     distance = index - centre_px[:, np.newaxis]
-    if wrap:  # the nearest image only, or a light counts twice on a narrow picture
+    if wrap:  # the nearest image only; otherwise a light counts twice on a narrow picture
         distance[(distance < -0.5 * size) | (distance >= 0.5 * size)] = np.inf
         return index % size, distance
     outside = (index < 0) | (index >= size)
@@ -267,7 +267,7 @@ def _axis_window(
 def _splat(lights: Lights, values: Float64, out: Float32) -> None:
     """Add each light's value to the four pixels of `out` around it, bilinearly, in place.
 
-    The picture lies at the top left of `out`; the neighbour beyond the last pixel is the first.
+    The picture is at the top left of `out`; the neighbour of the last pixel is the first.
     """
     left, top = np.floor(lights.x), np.floor(lights.y)
     x0, y0 = left.astype(np.intp), top.astype(np.intp)

@@ -1,4 +1,4 @@
-"""A keyframe's own map: the Expand Map of sections 2.2 and 2.3, or an operator's own."""
+"""The map of a keyframe: the Expand Map of sections 2.2 and 2.3, or an operator's own."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ from itmo_video.settings import Settings
 
 
 def make_key_map(frame: Frame, look: Look, recall: Recall = made_anew) -> Float32:
-    """A frame's own map at analysis size, (H, W) in [0, 1], or (H, W, C) with planes for gains.
+    """A frame's map at analysis size, (H, W) in [0, 1], or (H, W, C) with planes for gains.
 
     The Expand Map of sections 2.2 and 2.3, or the operator's own; 0 on black bars. `recall` may
-    hold what operators make of the picture alone (`Context.recall`).
+    cache what operators compute from the picture alone (`Context.recall`).
     """
     size = analysis_size(*frame.size, look.settings.map_width)
     if look.operator.sees == "rgb":
@@ -31,7 +31,7 @@ def make_key_map(frame: Frame, look: Look, recall: Recall = made_anew) -> Float3
 
 
 def _map_of_light(frame: Frame, size: tuple[int, int], look: Look) -> Float32:
-    """The map of an operator that sees luminance, or the channels one after another."""
+    """The map of an operator that takes luminance, or one channel at a time."""
     settings, (width, height) = look.settings, size
     luminance = frame_luminance(frame)
     context = context_of(luminance, look)
@@ -57,7 +57,7 @@ def _map_of_light(frame: Frame, size: tuple[int, int], look: Look) -> Float32:
 
 
 def _map_of_rgb(frame: Frame, size: tuple[int, int], look: Look, recall: Recall) -> Float32:
-    """The map of an operator that sees linear RGB at analysis size."""
+    """The map of an operator that takes linear RGB at analysis size."""
     wraps = look.settings.projection == "latlong"
     context = replace(context_of(None, look), wraps=wraps, recall=recall)
     rgb = recall("rgb", lambda: frame_rgb_small(frame, size))
@@ -69,7 +69,7 @@ def _map_of_rgb(frame: Frame, size: tuple[int, int], look: Look, recall: Recall)
 
 
 def _inner(luminance: Float32, wraps: bool) -> tuple[slice, slice]:
-    """The rows and columns within black bars; panoramas have none."""
+    """The rows and columns inside black bars; panoramas have no bars."""
     height, width = luminance.shape
     if wraps:
         return slice(0, height), slice(0, width)
@@ -78,9 +78,9 @@ def _inner(luminance: Float32, wraps: bool) -> tuple[slice, slice]:
 
 
 def key_lights(frame: Frame, settings: Settings) -> list[tuple[float, float]]:
-    """Where the frame's median-cut lights lie, (x, y) from 0 to 1 across the whole picture.
+    """Positions of the frame's median-cut lights, (x, y) from 0 to 1 across the whole picture.
 
-    They are those of the Expand Map: at analysis size, bars left out.
+    They are the lights of the Expand Map: at analysis size, without bars.
     """
     width, height = analysis_size(*frame.size, settings.map_width)
     luminance = _at_size(frame_luminance(frame), width, height)

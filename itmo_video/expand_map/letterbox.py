@@ -1,4 +1,4 @@
-"""Letterbox and pillarbox bars: found in one picture, so that the law holds."""
+"""Letterbox and pillarbox bars, detected in a single picture, as the law requires."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from itmo_video.model import Float32
 
 BLACK = 1e-4  # linear luminance: five 8-bit codes above black under BT.1886
 LEAST_SHARE = 0.02  # of the height or width: anything thinner is an edge, not a bar
-MOST_SHARE = 0.6  # of both bars together: above, the picture is dark rather than boxed
+MOST_SHARE = 0.6  # of both bars together: above it, the picture is dark rather than letterboxed
 
 
 class Bars(NamedTuple):
@@ -24,10 +24,10 @@ class Bars(NamedTuple):
 
 
 def find_bars(luminance: Float32) -> Bars:
-    """Bars of a linear luminance picture (H, W) in [0, 1]; zeros where there are none.
+    """The bars of a linear luminance picture (H, W) in [0, 1]; zeros if there are none.
 
-    A pair of bars is black throughout, of equal size on both sides, and borders on rows (columns)
-    that are mostly not black: a dark scene, or lamps in the night, has no such edge.
+    A pair of bars is entirely black, of equal size on both sides, and borders on rows (columns)
+    that are mostly not black, unlike a dark scene or lamps at night.
     """
     content = luminance > BLACK
     top, bottom = _pair(content)

@@ -1,9 +1,9 @@
 """Finding the lights of a picture with the median cut (Debevec 2005; section 2.2 of the paper).
 
-All sums are of whole numbers: luminance is first rounded to multiples of a power of two that is
-fine enough for video (35 bits below the picture's maximum at 512x288). Whole numbers add up to
-the same total in whatever order, so a cut, ties included, depends on the picture alone and never
-on how a sum was carried out, and scaling a picture by a power of two moves no light.
+All sums are exact: luminance is first rounded to multiples of a power of two that is fine enough
+for video (35 bits below the picture's maximum at 512x288). Whole numbers have the same sum in any
+order, so a cut, ties included, depends only on the picture, and scaling a picture by a power of two
+moves no light.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ _MAX_EXPONENT = 1000  # keeps the scale itself a finite float64
 
 
 class Lights(NamedTuple):
-    """The lights of one picture, in the order of the cuts (halves stay side by side).
+    """The lights of one picture, in the order of the cuts (halves stay adjacent).
 
     `x`, `y`: float64 (n,), positions in pixels, pixel centres at whole numbers.
     `power`: float64 (n,), luminance summed over the light's region (luminance * pixels).
@@ -43,11 +43,11 @@ class Lights(NamedTuple):
 def median_cut(
     luminance: Luminance, n_lights: int = 1024, row_weight: Luminance | None = None
 ) -> Lights:
-    """Split a picture into at most `n_lights` regions of about equal light, a light in each.
+    """Split a picture into at most `n_lights` regions of about equal power, with a light in each.
 
-    Each of log2(n_lights) rounds cuts every region across its longer side (its width when equal)
-    where the halves' sums come nearest to each other, at the first such place on a tie.
-    One-pixel regions stay. The light stands at the centroid, in the plain centre if it is black.
+    Each of log2(n_lights) rounds cuts every region across its longer side (its width if equal)
+    where the sums of the halves are closest to each other, at the first such place on a tie.
+    One-pixel regions stay. The light is at the centroid, or at the centre of a black region.
 
     `luminance`: (H, W) floats, linear, finite, >= 0. `row_weight`: (H,) floats >= 0 that multiply
     the rows: the cosine of latitude for latitude-longitude panoramas, as in Debevec 2005; None
@@ -71,17 +71,17 @@ def median_cut(
 
 
 def quantise(luminance: Luminance, row_weight: Luminance | None = None) -> tuple[Float64, float]:
-    """Round weighted luminance to whole units, as many to the maximum as exact sums leave room for.
+    """Round weighted luminance to whole units, as fine as exact sums allow.
 
-    Returns float64 (H, W), whole numbers >= 0, and the unit, a power of two in the picture's own
-    unit of luminance. Raises ValueError where the input is not as `median_cut` wants it.
+    Returns float64 (H, W), whole numbers >= 0, and the unit, a power of two in the picture's unit
+    of luminance. Raises ValueError for input that `median_cut` does not accept.
     """
     if luminance.ndim != 2 or luminance.size == 0:
         raise ValueError(f"luminance must be a picture (H, W), not of shape {luminance.shape}")
     values = luminance.astype(np.float64)
     if row_weight is not None:
         if row_weight.shape != (values.shape[0],) or not bool(np.all(row_weight >= 0.0)):
-            raise ValueError(f"row_weight must hold {values.shape[0]} numbers >= 0, one a row")
+            raise ValueError(f"row_weight must hold {values.shape[0]} numbers >= 0, one per row")
         values *= row_weight[:, np.newaxis]
     peak = float(values.max())
     if not (float(values.min()) >= 0.0 and math.isfinite(peak)):  # also catches NaN
@@ -90,8 +90,8 @@ def quantise(luminance: Luminance, row_weight: Luminance | None = None) -> tuple
     sum_bits = (values.size - 1).bit_length()
     moment_bits = sum_bits + (max(values.shape) - 1).bit_length()
     pixel_bits = min(_FLOAT64_BITS - sum_bits, _MOMENT_BITS - moment_bits)
-    # The exponent of the maximum, not the maximum: rounding is then the same for all pictures
-    # of about this brightness, and next to them it is far below what a camera can resolve.
+    # The exponent of the maximum, not the maximum, so that rounding is the same for all pictures
+    # of about this brightness, and far below what a camera can resolve.
     exponent = min(pixel_bits - math.frexp(peak)[1], _MAX_EXPONENT)
     values *= math.ldexp(1.0, exponent)
     np.rint(values, out=values)
@@ -99,7 +99,7 @@ def quantise(luminance: Luminance, row_weight: Luminance | None = None) -> tuple
 
 
 class _SummedArea:
-    """A summed-area table, with the sums that cuts and centroids ask for."""
+    """A summed-area table with the sums needed for cuts and centroids."""
 
     def __init__(self, sums: Float64) -> None:
         self._flat = sums.ravel()
@@ -116,7 +116,7 @@ class _SummedArea:
     def prefixes(self, regions: Int64, along_x: Int64, counts: Int64) -> tuple[Float64, Int64]:
         """Sum of the first 1, 2, .. counts[i] columns (rows where `along_x` is 0) of each region.
 
-        Returns all of them in one array, region after region, and where each region's begin.
+        Returns all of them in one array, region after region, and where each region starts.
         """
         x0, y0, x1, y1 = regions.T
         stride = self._stride
@@ -134,7 +134,7 @@ class _SummedArea:
 
 
 def _cut_all(table: _SummedArea, regions: Int64) -> Int64:
-    """One round: every region of more than one pixel becomes two; (n, 4) to (up to 2n, 4)."""
+    """One round: splits each region of more than one pixel; (n, 4) to (up to 2n, 4)."""
     widths = regions[:, 2] - regions[:, 0]
     heights = regions[:, 3] - regions[:, 1]
     divisible = np.maximum(widths, heights) > 1
@@ -142,7 +142,7 @@ def _cut_all(table: _SummedArea, regions: Int64) -> Int64:
         return regions
     whole = regions[divisible]
     along_x = (widths >= heights)[divisible].astype(np.int64)
-    counts = np.maximum(widths, heights)[divisible] - 1  # places where a cut can be
+    counts = np.maximum(widths, heights)[divisible] - 1  # possible places of a cut
 
     sums, starts = table.prefixes(whole, along_x, counts)
     imbalance = np.abs(2 * sums - np.repeat(table.total(whole), counts))
@@ -160,12 +160,12 @@ def _cut_all(table: _SummedArea, regions: Int64) -> Int64:
 
 
 def _centroid(table: _SummedArea, regions: Int64, total: Float64, *, along_x: bool) -> Float64:
-    """Luminance-weighted mean position on one axis in pixels; the centre where black; (n,)."""
+    """Luminance-weighted mean position on one axis in pixels; the centre if black; (n,)."""
     low, high = (regions[:, 0], regions[:, 2]) if along_x else (regions[:, 1], regions[:, 3])
     length = high - low
     sums, starts = table.prefixes(regions, np.full_like(length, along_x), length)
     # Summing the prefixes counts column k of a region (length - k) times.
-    # In int64, as this sum alone can outgrow what float64 holds exactly.
+    # In int64, as only this sum can exceed what float64 holds exactly.
     moment = length * total.astype(np.int64) - np.add.reduceat(sums.astype(np.int64), starts)
     centre = 0.5 * (length - 1)
     offset: Float64 = np.divide(moment.astype(np.float64), total, out=centre, where=total > 0.0)

@@ -3,7 +3,7 @@
 #include "auto_gains.h"
 #include "vectors.h"
 
-/* See native.ramps. */
+/* See compiled_auto.ramps. */
 CLONED void itmo_ramps(const float *values, float low, float scale, int64_t count,
                        float *restrict out)
 {
@@ -13,14 +13,14 @@ CLONED void itmo_ramps(const float *values, float low, float scale, int64_t coun
     }
 }
 
-/* A block's part of a strip: where its planes begin. */
+/* The part of a strip that a block covers: the start of its planes. */
 INLINE void begin(const float *const *planes, int count, int64_t at, const float **out)
 {
     for (int p = 0; p < count; p++)
         out[p] = planes[p] ? planes[p] + at : 0;
 }
 
-/* See native.gain_auto. */
+/* See compiled_auto.gain_auto. */
 CLONED void itmo_gain_auto(const float *red, const float *green, const float *blue, const float *ratio,
                            const float *map_red, const float *map_green, const float *map_blue,
                            const float *map_curve, const float *n, int64_t count,
@@ -42,7 +42,7 @@ CLONED void itmo_gain_auto(const float *red, const float *green, const float *bl
     }
 }
 
-/* See native.expand_auto. */
+/* See compiled_auto.expand_auto. */
 CLONED void itmo_expand_auto(const float *red, const float *green, const float *blue,
                              const float *ratio, const float *map_red, const float *map_green,
                              const float *map_blue, const float *map_curve, const float *n,

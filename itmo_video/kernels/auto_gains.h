@@ -1,7 +1,7 @@
-/* The gains of `auto`: operators/auto.py has them plainly.
+/* The gains of `auto`; operators/auto.py has the plain form.
 
-   64 places at a time, and no more is done than happens there: where no network's level stands above
-   eq. 11's all channels have its gain, and none parts from the others where none is near white. */
+   64 pixels at a time, computing only what is needed: where no level of the network exceeds eq. 11's,
+   all channels have its gain, and channels do not separate where none is near white. */
 
 #ifndef ITMO_AUTO_GAINS_H
 #define ITMO_AUTO_GAINS_H
@@ -10,11 +10,11 @@
 
 enum { BLOCK = 64 };
 
-/* What gain_block is given by number: see compiled.gain_auto. */
+/* The indices of gain_block's constants: see compiled_auto.GainAuto. */
 enum { OPEN_FROM, CENTRE, STEEP, LOW, WHITE, APART_FROM, APART_WHOLLY, IS_APART, L_MAX, WITH_FROM,
        WITH_WHOLLY, UNKNOWN };
 
-/* The stops of eq. 11, by a weight that is not 0 everywhere. */
+/* The stops of eq. 11, for a weight that is not 0 everywhere. */
 INLINE void curve_block(const float *const *rgb, const float *ratio, const float *weights,
                         const float *n, int64_t size, float *restrict curve)
 {
@@ -36,7 +36,7 @@ INLINE void curve_block(const float *const *rgb, const float *ratio, const float
         curve[x] = log_two(2 / (sqrtf(rest * rest + slope * light) + rest));
         heavy |= weights[x] * 2.5f > 1;
     }
-    /* A weight of 1 and less leaves eq. 11's gain below the peak, so nothing bends off. */
+    /* A weight of at most 1 keeps eq. 11's gain below the peak, so no soft knee is needed. */
     for (int64_t x = 0; !heavy && x < size; x++)
         curve[x] = between(weights[x] * 2.5f * curve[x], 0, peak);
     for (int64_t x = 0; heavy && x < size; x++) {
@@ -50,7 +50,7 @@ INLINE void curve_block(const float *const *rgb, const float *ratio, const float
     }
 }
 
-/* What the network's levels add to the curve: `common` to all, `own` to each. */
+/* The stops that the network's levels add to the curve: `common` to all channels, `own` to each. */
 INLINE void opened_block(const float *const *rgb, const float *const *maps, const float *curve,
                          const float *n, int64_t size, float own[3][BLOCK], float *restrict common)
 {
@@ -64,7 +64,7 @@ INLINE void opened_block(const float *const *rgb, const float *const *maps, cons
         for (int64_t x = 0; x < size; x++) {
             float light = between(plane[x], 0, 1), closed = (n[CENTRE] - light) * n[STEEP];
             float gate = 1 / (1 + two_to(closed, nearest(closed))) - n[LOW];
-            /* Exactly shut below: no place may depend on whether others of its block stand open. */
+            /* Exactly 0 below: no pixel may depend on whether others of its block are near white. */
             gate = gate > 0 && plane[x] > n[OPEN_FROM] ? gate : 0;
             float known = own[c][x] - curve[x];
             own[c][x] = (known > 0 ? known : 0) * (gate * open);
@@ -76,7 +76,7 @@ INLINE void opened_block(const float *const *rgb, const float *const *maps, cons
     }
 }
 
-/* How far the greatest channel of each place is open to part from the others. */
+/* How far the highest channel of each pixel may separate from the others. */
 INLINE void open_block(const float *const *rgb, const float *n, int64_t size, float *restrict open)
 {
     float per_apart = 1 / (n[APART_WHOLLY] - n[APART_FROM]);
@@ -89,8 +89,8 @@ INLINE void open_block(const float *const *rgb, const float *n, int64_t size, fl
     }
 }
 
-/* The gains of up to BLOCK places: how many of `gains` are made, 0 for gains of 1, 1 for one of all
-   channels, 3 for each its own. */
+/* The gains of up to BLOCK pixels; returns how many of `gains` are set: 0 if all are 1, 1 if channels
+   share one, otherwise 3. */
 INLINE int gain_block(const float *const *rgb, const float *ratio, const float *const *maps,
                       const float *n, int64_t size, float gains[3][BLOCK])
 {

@@ -33,7 +33,7 @@ def alike(*arrays: npt.NDArray[Any] | None) -> None:
 
 
 def whole(plane: npt.NDArray[Any]) -> Float32:
-    """The plane as the loops need it: contiguous float32."""
+    """The plane as the kernels need it: contiguous float32."""
     return np.ascontiguousarray(plane, np.float32)
 
 
@@ -146,7 +146,8 @@ def guide_rows(
 
     `luma` is the complete picture's, (H, W), with black at code `levels[0]` and white `levels[1]`
     above it; `between` gives for each row the row of `small` above it, and the weight of the one
-    below. With `guards` the first two planes are the ratio's. The result does not depend on strips.
+    below. With `guards` the first two planes are those of the ratio. The result does not depend on
+    strips.
     """
     above, parts = between
     luma, small = in_lines(luma), whole(small)
@@ -207,7 +208,7 @@ def expand(
 
 @functools.lru_cache(maxsize=8)
 def columns_between(small_width: int, width: int) -> tuple[npt.NDArray[np.int32], Float32]:
-    """The small column right of each column's middle, and the share of it; AT_ONCE more of both."""
+    """The small column right of each column's centre, and its weight; padded by AT_ONCE."""
     x = (np.arange(width + AT_ONCE) + 0.5) * (small_width / width) - 0.5
     left = np.floor(x)
     columns = np.minimum(left + 1, small_width).astype(np.int32)

@@ -20,15 +20,15 @@ from itmo_video.kernels.compiled import (
 )
 from itmo_video.kernels.compiled_light import CodesToLight, alike_planes, power_curve
 
-_BLOCK, _RUN = 64, 512  # places, as in from_codes.c
+_BLOCK, _RUN = 64, 512  # pixels, as in from_codes.c
 
 
 class GainAuto(NamedTuple):
     """The constants of `operators.auto.gain_auto`, in the order of auto.c.
 
-    `gate` is (from, centre, slope of a power of two, low, white) of a channel's opening, `steep`
-    where a channel parts from the others, wholly, and whether it may, `along` between which two
-    levels another channel comes to go along with it.
+    `gate` is (from, centre, slope of a power of two, low, white) of how far a channel counts as
+    clipped. `steep` is where channels begin to separate, where fully, and whether they may; `along`
+    the two levels between which another channel follows the highest one.
     """
 
     gate: tuple[float, float, float, float, float]
@@ -37,18 +37,18 @@ class GainAuto(NamedTuple):
     l_max: float
 
     def as_array(self, unknown: bool) -> Float32:
-        """As C has them; `unknown` where all that clips goes to L'max."""
+        """The array for C; `unknown` if everything that clips goes to L'max."""
         gate, steep, along, l_max = self
         return np.array([*gate, *steep, l_max, *along, float(unknown)], np.float32)
 
 
 class SmallMaps(NamedTuple):
-    """Maps at analysis size, and how rows of the picture lie among them.
+    """Maps at analysis size, and the positions of the picture's rows in them.
 
-    `planes` (p, h, w) hold what frees luminance of texture, two planes, where there are `guards`,
-    and then maps; `numbers` is which of them each of the four maps is, -1 for one that is 0, and
-    `is_known` False where there are no maps. `above` and `parts` tell for each row the row of
-    `planes` above it, and the share of the one below.
+    `planes` (p, h, w) hold the two planes of the noise guard if there are `guards`, and then maps;
+    `numbers` is the plane of each of the four maps, -1 for one that is 0; `is_known` is False if
+    there are no maps. `above` and `parts` give for each row the row of `planes` above it, and the
+    weight of the one below.
     """
 
     planes: Float32
@@ -117,7 +117,7 @@ def gain_auto(
     maps: Sequence[Float32],
     numbers: GainAuto,
 ) -> list[Float32]:
-    """The gains of three planes as in `operators.auto.gain_auto`: new arrays."""
+    """`operators.auto.gain_auto` of three planes: new arrays."""
     given = _given_to_auto(rgb, ratio, maps, numbers)
     out = [np.empty(rgb[0].shape, np.float32) for _ in rgb]
     loaded.itmo_gain_auto(
@@ -151,7 +151,7 @@ def expand_auto(
 def _given_to_auto(
     rgb: Sequence[Float32], ratio: Float32 | None, maps: Sequence[Float32], numbers: GainAuto
 ) -> list[Float32 | None]:
-    """Planes, ratio, four maps and constants for auto.c: a map that is missing or 0 is None."""
+    """Planes, ratio, four maps and constants for auto.c; a map that is missing or 0 is None."""
     planes = [whole(plane) for plane in rgb]
     smoothed = None if ratio is None else whole(ratio)
     levels = [None if is_nothing(plane) else whole(plane) for plane in maps] or [None] * 4
@@ -160,5 +160,5 @@ def _given_to_auto(
 
 
 def is_nothing(plane: Float32) -> bool:
-    """Whether a map is a single value of 0 for all places: see guidance.Guidance.rows."""
+    """Whether a map is a single 0 for all pixels: see guidance.Guidance.rows."""
     return plane.strides == (0, 0) and not plane.any()

@@ -1,4 +1,4 @@
-"""The compiled form of codes to light, and what its loops need of the codes."""
+"""The compiled form of codes to light, and its constants."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from itmo_video.kernels.compiled import Codes, Float32, alike, check_rows, in_li
 
 
 class CodesToLight(NamedTuple):
-    """How Y'CbCr codes stand for R'G'B' or linear light.
+    """How Y'CbCr codes represent R'G'B' or linear light.
 
-    `sites` (across, down) are None where chroma is as large as luma, else chroma.siting_offset's.
-    `levels` are the codes of black and of white above it, then those of no chroma and of chroma's
-    range; `matrix` what Cr adds to red, Cb to blue, Cr to green and Cb to green, for each of its
-    range. With an `exponent` (2 to 4) limited to [0, 1] and raised to it, within 1e-6; 0 for
-    values below 2^-15, which by such a power are far below the least half.
+    `sites` (across, down) are None if chroma is as large as luma, otherwise chroma.siting_offset's.
+    `levels` are the codes of black and of white above it, then those of neutral chroma and of
+    chroma's range; `matrix` what Cr adds to red, Cb to blue, Cr to green and Cb to green, per unit
+    of that range. With an `exponent` (2 to 4), values are clipped to [0, 1] and raised to it,
+    within 1e-6; values below 2^-15 give 0, as their powers are far below the smallest half.
     """
 
     sites: tuple[float | None, float | None]
@@ -30,13 +30,13 @@ class CodesToLight(NamedTuple):
 
     @property
     def sites_in_halves(self) -> tuple[int, int]:
-        """The sites as C has them: -1 for None, else 0 to 2."""
+        """The sites for C: -1 for None, otherwise 0 to 2."""
         across, down = (-1 if site is None else round(2 * site) for site in self.sites)
         return across, down
 
     @property
     def black_and_scale(self) -> tuple[float, float, float, float]:
-        """`levels` with what a code above black is worth, and one of chroma."""
+        """`levels` with the values of one code of luma and of chroma."""
         black, span, middle, chroma_span = self.levels
         return black, _one_over(span), middle, _one_over(chroma_span)
 
@@ -50,8 +50,8 @@ def ycbcr_rows(
 ) -> None:
     """Convert rows of a Y'CbCr picture to R'G'B', in three float32 arrays of (rows, width).
 
-    `planes` are whole, uint8 or uint16, chroma as large as luma or half as wide, and half as high.
-    Any strip has the same bytes.
+    `planes` are complete, uint8 or uint16; chroma is as large as luma, half as wide, or half as
+    wide and half as high. The result does not depend on strips.
     """
     luma, cb, cr = alike_planes(planes, rows)
     height, width = cb.shape
@@ -71,18 +71,18 @@ def ycbcr_rows(
 
 
 def _one_over(span: float) -> float:
-    """What times `span` is 1 in float32, too, so that white is white."""
+    """The factor whose product with `span` is 1 in float32, too, so that white stays white."""
     scale = np.float32(1 / span)
     return float(scale if np.float32(span) * scale >= 1 else np.nextafter(scale, np.float32(1)))
 
 
 @functools.lru_cache(maxsize=8)
 def power_curve(exponent: float) -> Float32:
-    """What `itmo_power` raises to a power by: float32 (21,), of an exponent of 2 to 4.
+    """The constants of `itmo_power`: float32 (21,), for an exponent of 2 to 4.
 
     A value is (1 + t) * 2^e, t from 0 to 1. First are the coefficients of t to t^5 in
-    (1 + t)^exponent, within 5e-7: those of t to t^4 in ((1 + t)^exponent - 1) / t, met at
-    Chebyshev's places by divided differences. Then 2^(exponent * e) for e from -15 to 0.
+    (1 + t)^exponent, within 5e-7: those of t to t^4 in ((1 + t)^exponent - 1) / t, interpolated at
+    Chebyshev nodes by divided differences. Then 2^(exponent * e) for e from -15 to 0.
     """
     places = [0.5 - 0.5 * math.cos(math.pi * (k + 0.5) / 5) for k in range(5)]
     values = [((1 + t) ** exponent - 1) / t for t in places]
@@ -98,7 +98,7 @@ def power_curve(exponent: float) -> Float32:
 
 
 def alike_planes(planes: Sequence[Codes], rows: slice) -> tuple[Codes, Codes, Codes]:
-    """Luma, Cb and Cr as the loops read them; errors where they or the rows do not fit."""
+    """Luma, Cb and Cr as the kernels read them; raises ValueError if they do not match."""
     luma, cb, cr = (in_lines(plane) for plane in planes)
     if len({plane.dtype for plane in (luma, cb, cr)}) > 1:
         raise TypeError("luma and chroma have codes of different sizes")

@@ -1,4 +1,4 @@
-"""The compiled form of sums of maps, each place weighed by one number for all its channels."""
+"""The compiled form of sums of maps, weighted by one number per pixel for all channels."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def blend(loaded: ctypes.CDLL, left: Float32, right: Float32, share: Float32) ->
 
 
 def _channels(weight: Float32, *maps: Float32) -> int:
-    """How many numbers of a map each weight is for; ValueError where they do not fit."""
+    """The number of channels per weight; ValueError if shapes do not match."""
     alike(*maps)
     if maps[0].shape[: weight.ndim] != weight.shape:
         raise ValueError(f"a weight {weight.shape} for maps {maps[0].shape}")

@@ -5,7 +5,7 @@
 enum {
     LITERALS = 257,     /* the bytes and the end of the block */
     END = 256,
-    LONGEST = 14,       /* bits: four codes and seven bits that wait go into a word of 64 */
+    LONGEST = 14,       /* bits: four codes and seven pending bits fit into 64 bits */
     LENGTH_SYMBOLS = 19,
     LENGTH_LONGEST = 7, /* bits, by RFC 1951 3.2.7 */
     HEADER_ROOM = 1024
@@ -26,7 +26,7 @@ typedef struct {
 /* Needs eight bytes of room; `count` bits at most 57 before the call. */
 INLINE void flush(Writer *w)
 {
-    memcpy(w->at, &w->bits, 8); /* native.py keeps to little-endian machines */
+    memcpy(w->at, &w->bits, 8); /* library.py accepts little-endian machines only */
     w->at += w->count >> 3;
     w->bits >>= w->count & ~7u;
     w->count &= 7;
@@ -39,10 +39,10 @@ INLINE void put(Writer *w, uint32_t bits, unsigned count)
     flush(w);
 }
 
-/* Code lengths of least total, none above `longest`, for symbols that occur; 0 for the others.
+/* Code lengths with the smallest total, at most `longest`, for symbols that occur; 0 for others.
 
-   The two-queue construction on sorted counts (Moffat and Katajainen 1995), then the lengths that
-   are too long are brought down and paid for by the rarest symbols that are not. */
+   The two-queue construction on sorted counts (Moffat and Katajainen 1995); then lengths above the
+   limit are reduced and the rarest symbols below it lengthened in return. */
 static void code_lengths(const uint32_t *counts, int symbols, int longest, uint8_t *lengths)
 {
     uint32_t weight[LITERALS];
@@ -57,7 +57,7 @@ static void code_lengths(const uint32_t *counts, int symbols, int longest, uint8
             weight[s] = counts[s];
             order[used++] = (uint16_t)s;
         }
-    /* Sorted by bytes of the count, the least first; equal counts stay in the symbols' order. */
+    /* Sorted by bytes of the count, lowest first; equal counts stay in symbol order. */
     for (int shift = 0; shift < 32; shift += 8) {
         int start[257] = {0};
         for (int i = 0; i < used; i++)
@@ -88,7 +88,7 @@ static void code_lengths(const uint32_t *counts, int symbols, int longest, uint8
         per_length[length]++;
         taken += whole >> length;
     }
-    while (taken > whole) { /* a shorter code made one longer gives room: the longest such gives least */
+    while (taken > whole) { /* lengthening a shorter code frees space; the longest such code frees least */
         int length = longest - 1;
         while (!per_length[length])
             length--;
@@ -96,7 +96,7 @@ static void code_lengths(const uint32_t *counts, int symbols, int longest, uint8
         per_length[length + 1]++;
         taken -= whole >> (length + 1);
     }
-    while (taken < whole) { /* what is left over shortens the longest codes that it can */
+    while (taken < whole) { /* the remaining space shortens the longest codes possible */
         int length = longest;
         while (!per_length[length] || taken + (whole >> length) > whole)
             length--;
@@ -109,7 +109,7 @@ static void code_lengths(const uint32_t *counts, int symbols, int longest, uint8
             lengths[order[i++]] = (uint8_t)length;
 }
 
-/* Canonical codes (RFC 1951 3.2.2), first bit lowest, with their lengths above bit 16. */
+/* Canonical codes (RFC 1951 3.2.2), first bit lowest, with their lengths from bit 16 on. */
 static void codes_of(const uint8_t *lengths, int symbols, uint32_t *codes)
 {
     uint32_t next[16] = {0}, count[16] = {0}, code = 0;
@@ -126,7 +126,7 @@ static void codes_of(const uint8_t *lengths, int symbols, uint32_t *codes)
     }
 }
 
-/* Codes for these counts, and the block's header that tells them (RFC 1951 3.2.7). */
+/* Codes for these counts, and the block header that encodes them (RFC 1951 3.2.7). */
 static void make_block(const uint32_t *counts, Block *block)
 {
     static const uint8_t sent[LENGTH_SYMBOLS] = {16, 17, 18, 0, 8, 7, 9, 6, 10, 5,
@@ -137,7 +137,7 @@ static void make_block(const uint32_t *counts, Block *block)
     int runs = 0, last = LENGTH_SYMBOLS;
     code_lengths(counts, LITERALS, LONGEST, lengths);
     codes_of(lengths, LITERALS, block->code);
-    lengths[LITERALS] = lengths[LITERALS + 1] = 1; /* two distances, never used: some want a whole code */
+    lengths[LITERALS] = lengths[LITERALS + 1] = 1; /* two, never used: some decoders require a complete code */
     for (int i = 0, run; i < LITERALS + 2; i += run) {
         for (run = 1; i + run < LITERALS + 2 && lengths[i + run] == lengths[i];)
             run++;
@@ -203,7 +203,7 @@ INLINE void count_bytes(const uint8_t *bytes, int64_t size, uint32_t counts[4][L
 {
     int64_t i = 0;
     for (; i + 4 <= size; i += 4)
-        for (int k = 0; k < 4; k++) /* apart, as equal neighbours would wait for each other */
+        for (int k = 0; k < 4; k++) /* separate, as equal neighbours would depend on each other */
             counts[k][bytes[i + k]]++;
     for (; i < size; i++)
         counts[0][bytes[i]]++;
@@ -238,7 +238,7 @@ INLINE uint32_t adler32(const uint8_t *bytes, int64_t size)
     return (uint32_t)(two << 16 | one);
 }
 
-/* See native.pack_literals. `out` has room for each row's size * 14 / 8 + 2 * HEADER_ROOM. */
+/* See compiled.pack_literals. `out` has room for each row's size * 14 / 8 + 2 * HEADER_ROOM. */
 CLONED void itmo_pack_literals(const uint8_t *rows, int64_t count, int64_t size, uint8_t *out,
                                int64_t *ends)
 {

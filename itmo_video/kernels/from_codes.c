@@ -1,19 +1,19 @@
 /* `auto` from Y'CbCr codes to half floats in one pass, a line of the picture at a time.
 
-   A line's codes, chroma and maps stay in the first caches; nothing is brought up for a line of which
-   nothing stands open, and a block of places where nothing happens goes to halves as it is. */
+   A line's codes, chroma and maps stay in the first two caches; maps are not upsampled for a line in
+   which nothing is expanded, and a block of unchanged pixels is converted to halves directly. */
 
 #include "auto_gains.h"
 #include "light.h"
 #include "upsampling.h"
 
-/* What `sizes` and `light` have by number: see compiled_auto.auto_from_codes. */
+/* The indices of `sizes` and `light`: see compiled_auto.auto_from_codes. */
 enum { BYTES, WIDTH, CHROMA_WIDTH, CHROMA_HEIGHT, FIRST, ROWS, SITE_X, SITE_Y, PLANES, SMALL_HEIGHT,
        SMALL_WIDTH, GUARDS };
 enum { LEVELS, MATRIX = 4, SCALE = 8, OFFSET, STRENGTH };
-enum { RUN = 8 * BLOCK }; /* places whose light is made at a time */
+enum { RUN = 8 * BLOCK }; /* pixels whose light is computed at a time */
 
-/* Whether anything of a block stands open. */
+/* Whether anything in a block is near white. */
 INLINE int is_bright(const float *const *rgb, float from)
 {
     int bright = 0;
@@ -22,7 +22,7 @@ INLINE int is_bright(const float *const *rgb, float from)
     return bright;
 }
 
-/* See native.auto_from_codes. */
+/* See compiled_auto.auto_from_codes. */
 CLONED void itmo_auto_from_codes(const uint8_t *luma, const uint8_t *cb, const uint8_t *cr,
                                  int64_t luma_stride, const int64_t *chroma_strides,
                                  const int64_t *sizes, const float *light, const float *power,

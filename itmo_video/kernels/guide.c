@@ -1,4 +1,4 @@
-/* The guided filter at analysis size, and what it gives brought up to rows of the picture. */
+/* The guided filter at analysis size, and its result upsampled to rows of the picture. */
 
 #include "upsampling.h"
 
@@ -17,12 +17,12 @@ INLINE void window_sums(const double *columns, int planes, int64_t w, int64_t ra
             steps[p * w + x] = column[x + 2 * radius + 1] - column[x];
     }
     for (int64_t x = 0; x < w; x++)
-        for (int p = 0; p < planes; p++) /* side by side, as each waits for its own last */
+        for (int p = 0; p < planes; p++) /* interleaved, as each depends on its previous value */
             sums[p * w + x] = sum[p] += steps[p * w + x];
 }
 
-/* A row of two planes, with `products` their guide * guide and guide * map as well, into the column
-   sums or, by a sign of -1, out of them. */
+/* Add a row of two planes, and with `products` also guide * guide and guide * map, to the column
+   sums; with a sign of -1, subtract it. */
 INLINE void add_row(const float *one, const float *other, int products, double sign, int64_t w,
                     int64_t across, double *restrict columns)
 {
@@ -36,7 +36,7 @@ INLINE void add_row(const float *one, const float *other, int products, double s
         columns[3 * across + x] += sign * (one[x] * other[x]);
 }
 
-/* See native.guided_coefficients. `scratch` holds 4 * (3 * w + 2 * radius + 1) doubles. */
+/* See compiled.guided_coefficients. `scratch` holds 4 * (3 * w + 2 * radius + 1) doubles. */
 CLONED void itmo_guided_coefficients(const float *map, const float *guide, int64_t h, int64_t w,
                                      int64_t radius, float epsilon, const float *share,
                                      double *scratch, float *between_a, float *between_b,
@@ -81,17 +81,17 @@ CLONED void itmo_guided_coefficients(const float *map, const float *guide, int64
     }
 }
 
-/* ---- maps and the noise guard, brought up to rows of the picture ---- */
+/* ---- maps and the noise guard, upsampled to rows of the picture ---- */
 
 enum { REACH = 2, WINDOW = 2 * REACH + 1 }; /* WINDOW: the softening's five taps */
 
-/* Where a line of the picture is kept: WINDOW lines in turn. `y` may be down to -REACH. */
+/* The slot of a line of the picture, in a ring of WINDOW lines. `y` may be as low as -REACH. */
 INLINE float *slot(float *lines, int64_t y, int64_t width)
 {
     return lines + (y + WINDOW) % WINDOW * width;
 }
 
-/* A line of codes from black at 0 to white at 1 into its slot; beyond the picture its edge's. */
+/* Write a line of codes, black 0 to white 1, to its slot; outside the picture the edge line. */
 INLINE void code_line(const uint8_t *luma, int64_t stride, int64_t bytes, float scale, float offset,
                       int64_t height, int64_t y, int64_t width, float *lines)
 {
@@ -99,7 +99,7 @@ INLINE void code_line(const uint8_t *luma, int64_t stride, int64_t bytes, float 
     levels_of(line, bytes, scale, offset, width, slot(lines, y, width));
 }
 
-/* See native.guide_rows. */
+/* See compiled.guide_rows. */
 CLONED void itmo_guide_rows(const uint8_t *luma, int64_t stride, int64_t bytes, float scale,
                             float offset, int64_t height, int64_t top, int64_t rows,
                             int64_t width, const float *small, int64_t planes, int64_t h, int64_t w,

@@ -1,8 +1,8 @@
-/* From Y'CbCr codes to linear light, and from that by a gain to half floats. */
+/* From Y'CbCr codes to linear light, and on to half floats by a gain. */
 
 #include "light.h"
 
-/* See native.ycbcr_rows. */
+/* See compiled_light.ycbcr_rows. */
 CLONED void itmo_ycbcr_rows(const uint8_t *luma, const uint8_t *cb, const uint8_t *cr,
                             int64_t luma_stride, const int64_t *chroma_strides, int64_t bytes,
                             int64_t width, int64_t chroma_width, int64_t chroma_height, int64_t first,
@@ -23,7 +23,7 @@ CLONED void itmo_ycbcr_rows(const uint8_t *luma, const uint8_t *cb, const uint8_
     }
 }
 
-/* See native.drive. */
+/* See compiled.drive. */
 CLONED void itmo_drive(const float *red, const float *green, const float *blue, const float *weights,
                        const float *ratio, int64_t count, float *restrict out)
 {
@@ -35,7 +35,7 @@ CLONED void itmo_drive(const float *red, const float *green, const float *blue, 
 
 /* ---- gain, to half floats ---- */
 
-/* See native.gain_banterle2006. */
+/* See compiled.gain_banterle2006. */
 CLONED void itmo_gain_banterle2006(const float *luminance, float slope, float factor, int64_t count,
                                    float *restrict out)
 {
@@ -45,7 +45,7 @@ CLONED void itmo_gain_banterle2006(const float *luminance, float slope, float fa
     }
 }
 
-/* See native.expand. */
+/* See compiled.expand. */
 CLONED void itmo_expand(const float *red, const float *green, const float *blue, const float *gain,
                         const float *map, float base, float strength, float rest, int64_t count,
                         uint16_t *red_out, uint16_t *green_out, uint16_t *blue_out)

@@ -1,4 +1,4 @@
-/* Y'CbCr codes to linear light, a line at a time: what several kernels begin with. */
+/* Y'CbCr codes to linear light, a line at a time: the first step of several kernels. */
 
 #ifndef ITMO_LIGHT_H
 #define ITMO_LIGHT_H
@@ -32,8 +32,8 @@ INLINE void to_rgb(const float *y, const float *cb, const float *cr, const float
     }
 }
 
-/* One line to twice as many, by the shares that even places have of the one before and odd ones of
-   the one behind; `line` has a place more at either end. */
+/* Double a line, by the weights that even pixels have for the sample before and odd ones for the
+   sample after; `line` has one more sample at either end. */
 INLINE void double_line(const float *line, int64_t width, float before, float behind,
                         float *restrict out)
 {
@@ -43,10 +43,10 @@ INLINE void double_line(const float *line, int64_t width, float before, float be
     }
 }
 
-/* How far even and odd places lean on the sample before and on the one behind, by the siting. */
+/* The weights of the sample before for even, and of the one after for odd pixels, by the siting. */
 static const float LEAN_BEFORE[3] = {0, 0.25f, 0.5f}, LEAN_BEHIND[3] = {0.5f, 0.25f, 0};
 
-/* A picture in Y'CbCr: `bytes` of a code, chroma sited as compiled.ycbcr_rows has it. */
+/* A picture in Y'CbCr: `bytes` per code, chroma sited as in compiled_light.ycbcr_rows. */
 typedef struct {
     const uint8_t *luma, *chroma[2];
     int64_t luma_stride, chroma_strides[2], bytes, width, chroma_width, chroma_height, site_x, site_y;

@@ -1,5 +1,5 @@
-/* What the kernels share, and their prototypes. They do what NumPy and OpenCV do not; library.py
-   loads them, compiled.py and its neighbours say what each promises.
+/* Shared definitions and the prototypes of the kernels. library.py loads them; compiled*.py document
+   what each does.
 
    Plain C11 on arrays: no Python, no allocation, no state, so that threads may call at will. */
 
@@ -19,7 +19,7 @@
 #define CLONED
 #endif
 #if defined(__x86_64__) && !defined(__FMA__) && defined(ITMO_ONE_TARGET)
-#define FMA(a, b, c) ((a) * (b) + (c)) /* a library's would take twenty times as long */
+#define FMA(a, b, c) ((a) * (b) + (c)) /* the C library's takes twenty times as long */
 #else
 #define FMA fmaf
 #endif

@@ -1,12 +1,12 @@
-/* Maps at analysis size weighed place by place, all channels of a place alike. */
+/* Maps at analysis size, weighted pixel by pixel, all channels alike. */
 
 #include "loops.h"
 
-/* See native.add_weighed. */
+/* See compiled_maps.add_weighed. */
 CLONED void itmo_add_weighed(const float *values, const float *weight, int64_t count,
                              int64_t channels, float *restrict total)
 {
-    if (channels == 4) /* known beforehand, so that a place's channels go together */
+    if (channels == 4) /* a constant, so that loops over a pixel's channels are unrolled */
         for (int64_t x = 0; x < count; x++)
             for (int c = 0; c < 4; c++)
                 total[4 * x + c] += weight[x] * values[4 * x + c];
@@ -16,7 +16,7 @@ CLONED void itmo_add_weighed(const float *values, const float *weight, int64_t c
                 total[channels * x + c] += weight[x] * values[channels * x + c];
 }
 
-/* See native.blend. */
+/* See compiled_maps.blend. */
 CLONED void itmo_blend(const float *left, const float *right, const float *share, int64_t count,
                        int64_t channels, float *restrict out)
 {

@@ -2,9 +2,9 @@
 
 #include "loops.h"
 
-enum { LANES = 8, SUMS = 12 }; /* sums are added up side by side, in one order on all machines */
+enum { LANES = 8, SUMS = 12 }; /* partial sums, added in the same order on all machines */
 
-/* What a place adds to the upper half of the normal equations and to their two right sides. */
+/* What a pixel adds to the upper half of the normal equations and to their two right-hand sides. */
 INLINE void add_place(double w, double x, double y, double u, double v, int lane,
                       double sums[SUMS][LANES])
 {
@@ -34,7 +34,7 @@ INLINE void solve(const double *sum, const double *right, double *out)
     out[0] = (right[0] - sum[1] * out[1] - sum[2] * out[2]) / sum[0];
 }
 
-/* See native.camera_model. */
+/* See compiled.camera_model. */
 CLONED void itmo_camera_model(const double *across, const double *down, const double *vectors,
                               const double *texture, int64_t count, const double *sigmas,
                               int64_t rounds, double ridge, double *weight, double *model)

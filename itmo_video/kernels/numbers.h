@@ -1,5 +1,5 @@
-/* Powers, logarithms and half floats of single numbers, without a branch or a library's call, so that
-   compilers vectorise the loops around them; the same on every machine that has FMA. */
+/* Powers, logarithms and half floats of single numbers, without branches or library calls, so that
+   compilers vectorise the loops around them; the same results on every machine with FMA. */
 
 #ifndef ITMO_NUMBERS_H
 #define ITMO_NUMBERS_H
@@ -17,7 +17,7 @@ INLINE float two_to(float x, int32_t whole)
     return p * scale;
 }
 
-/* The nearest whole number to x from -1000 to 1000, or the next; without a branch. */
+/* A whole number nearest to x, from -1000 to 1000, or next to that; without a branch. */
 INLINE int32_t nearest(float x)
 {
     return (int32_t)(x + 1000.5f) - 1000;
@@ -38,11 +38,11 @@ INLINE float log_two(float x)
     return FMA(s, series, (float)exponent);
 }
 
-/* To the nearest half, of two as near the even one; what is too large becomes infinite. For
-   finite values: by integers, as not every compiler knows the instruction. */
+/* Round to the nearest half, ties to even; overflow becomes infinity. For finite values; with
+   integers, as not every compiler has the instruction. */
 INLINE uint16_t half_of(float value)
 {
-    const float subnormal_step = 0.5f; /* one in whose last place is the least half */
+    const float subnormal_step = 0.5f; /* its last place is the smallest half */
     uint32_t bits, magnitude, shifted;
     memcpy(&bits, &value, 4);
     magnitude = bits & 0x7fffffff;

@@ -1,11 +1,11 @@
-/* Lines of planes at analysis size brought up to a line of the picture. */
+/* Upsamples lines of planes at analysis size to a line of the picture. */
 
 #ifndef ITMO_UPSAMPLING_H
 #define ITMO_UPSAMPLING_H
 
 #include "vectors.h"
 
-/* Each plane's line between rows `above` and the next, as `itmo_widen` takes it: `part` of the lower. */
+/* Each plane's line between row `above` and the next, as `itmo_widen` takes it; `part` weights the next. */
 INLINE void lines_between(const float *small, int64_t planes, int64_t h, int64_t w, int64_t above,
                           float part, float *lefts, float *steps)
 {
@@ -23,7 +23,7 @@ INLINE void lines_between(const float *small, int64_t planes, int64_t h, int64_t
     }
 }
 
-/* Smoothed over given luminance of a line: the guard's coefficients by the line's own codes. */
+/* The ratio of smoothed to given luminance of a line, by the guard's coefficients and its codes. */
 INLINE void guard_line(const float *slope, const float *offset, const float *code, int64_t width,
                        float *restrict out)
 {
@@ -33,7 +33,7 @@ INLINE void guard_line(const float *slope, const float *offset, const float *cod
     }
 }
 
-/* A line of codes of so many bytes, from black at 0 to white at 1. */
+/* A line of codes of that many bytes, scaled from black at 0 to white at 1. */
 INLINE void levels_of(const uint8_t *codes, int64_t bytes, float scale, float offset, int64_t width,
                       float *restrict out)
 {

@@ -13,8 +13,8 @@
 
 /* x to the power g, for x from 2^-15, 0 below, to 1, within 7e-7, and 1 of 1.
 
-   x is (1 + t) * 2^e: `curve` has the coefficients of (1 + t)^g from t on, which a polynomial has
-   closely as it is so smooth, and 2^(g e) for e from -15 to 0. */
+   x is (1 + t) * 2^e: `curve` has the coefficients of (1 + t)^g from t on, which is smooth and so
+   close to a polynomial, and 2^(g e) for e from -15 to 0. */
 enum { DEGREE = 5, LEAST_EXPONENT = 127 - 15 };
 static const float LEAST = 1.0f / (1 << 15);
 
@@ -49,7 +49,7 @@ BY_AVX2 static int64_t power_avx2(float *values, int64_t count, const float *cur
         __m256i bits = _mm256_castps_si256(value), number = _mm256_srli_epi32(bits, 23);
         __m256 t = _mm256_or_ps(_mm256_castsi256_ps(_mm256_and_si256(bits, fraction)), one);
         t = _mm256_sub_ps(t, one);
-        /* The exponent's last three bits number the lanes, the fourth tells which of the two. */
+        /* The exponent's last three bits are the lane, the fourth selects the register. */
         __m256 scale = _mm256_blendv_ps(_mm256_permutevar8x32_ps(low, number),
                                         _mm256_permutevar8x32_ps(high, number),
                                         _mm256_castsi256_ps(_mm256_slli_epi32(bits, 5)));
@@ -75,7 +75,7 @@ void itmo_power(float *values, int64_t count, const float *curve)
     power_plainly(values + done, count - done, curve);
 }
 
-/* ---- lines brought up ---- */
+/* ---- upsampling lines ---- */
 
 #ifdef HAS_AVX2
 BY_AVX2 static void widen_avx2(const float *lefts, const float *steps, int64_t planes, int64_t w,
@@ -105,7 +105,7 @@ CLONED static void widen_plainly(const float *lefts, const float *steps, int64_t
         int64_t i = columns[x], next = x;
         while (next < width && columns[next] == i)
             next++;
-        for (; x < next; x += AT_ONCE) /* what is written too far is written again by the next */
+        for (; x < next; x += AT_ONCE) /* what is written beyond the end is overwritten by the next */
             for (int64_t p = 0; p < planes; p++) {
                 float left = lefts[p * (w + 1) + i], step = steps[p * (w + 1) + i];
                 for (int k = 0; k < AT_ONCE; k++)

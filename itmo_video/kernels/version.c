@@ -1,4 +1,4 @@
-/* Told apart by native.py: a library of another version of these functions is not used. */
+/* Checked by library.py: a library with another version of these functions is not used. */
 
 int itmo_version(void)
 {

@@ -1,1 +1,1 @@
-"""What carries the map: cuts, optical flow, keyframes."""
+"""Carries the map between frames: cuts, optical flow, keyframes."""

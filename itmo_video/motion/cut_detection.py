@@ -1,7 +1,7 @@
-"""Cuts, flashes and keyframes, found from a bounded window of frames.
+"""Detects cuts and flashes, and places keyframes, from a bounded window of frames.
 
-Keys stand on `index % key_interval == 0`, on both sides of a cut and on the clip's last frame, so
-that any range finds the same ones.
+Keyframes are at `index % key_interval == 0`, on both sides of a cut and at the clip's last frame,
+so any range finds the same ones.
 """
 
 from __future__ import annotations
@@ -20,13 +20,13 @@ from itmo_video.motion.flow import motion_picture
 
 CUT_REACH = 3  # frames to either side that decide about a cut; also the longest flash
 CUT_DIFFERENCE = 0.045  # mean absolute difference of tiny pictures, 0 to 1
-CUT_RATIO = 3.0  # how far a cut stands out from the changes around it
+CUT_RATIO = 3.0  # ratio of a cut to the changes around it
 FLASH_RATIO = 0.5  # alike again within reach: a flash, not a cut
 TINY_SIZE = (32, 18)
 
 
 class Seen(Protocol):
-    """What finding cuts asks of a frame: its index and its picture at TINY_SIZE, 0 to 1."""
+    """What cut detection needs of a frame: its index and its picture at TINY_SIZE, 0 to 1."""
 
     @property
     def index(self) -> int:
@@ -44,7 +44,7 @@ S = TypeVar("S", bound=Seen)
 class Analysed:
     """A frame with its luma at analysis size, as codes and in 8 bits, and for cuts and motion.
 
-    `tiny` is what cuts are found in, `motion` what motion is (`flow.motion_picture`).
+    Cuts are detected in `tiny`, motion in `motion` (`flow.motion_picture`).
     """
 
     frame: Frame
@@ -61,9 +61,9 @@ class Analysed:
 
 @dataclass(frozen=True)
 class Placed(Generic[S]):
-    """A frame that knows its place: whether it starts or ends a shot, and is a key.
+    """A frame and its place: whether it starts or ends a shot, and whether it is a keyframe.
 
-    A flash is no source for its neighbours: it is a key only at the end of a shot.
+    A flash is not a source for its neighbours: it is a keyframe only at the end of a shot.
     """
 
     analysed: S
@@ -87,11 +87,11 @@ def difference(a: Seen, b: Seen) -> float:
 
 
 def is_cut(window: Sequence[Seen], at: int) -> bool:
-    """Whether `window[at]` starts a new shot; the window reaches CUT_REACH frames to both sides.
+    """Whether `window[at]` starts a new shot; the window has CUT_REACH frames on either side.
 
-    A cut stands out from the changes around it. It is a flash instead if some frame before it and
-    some frame after it, at most CUT_REACH + 1 apart, are alike. A gap in the numbering (frames
-    that do not decode) always separates: nothing is known about the motion across it.
+    A cut stands out from the changes around it. It is a flash instead if a frame before it and a
+    frame after it, at most CUT_REACH + 1 apart, are alike. A gap in the numbering (frames that
+    cannot be decoded) always separates, because the motion across it is unknown.
     """
     if window[at].index != window[at - 1].index + 1:
         return True
@@ -114,9 +114,9 @@ def is_cut(window: Sequence[Seen], at: int) -> bool:
 
 
 def is_flash(window: Sequence[Seen], at: int) -> bool:
-    """Whether `window[at]` is unlike frames on both its sides that are alike themselves.
+    """Whether `window[at]` differs from frames on both sides that resemble each other.
 
-    The frames compared are at most CUT_REACH + 1 apart: that long a flash may be.
+    These are at most CUT_REACH + 1 apart, the maximum length of a flash.
     """
     if window[at].index in (window[0].index, window[-1].index):
         return False
@@ -132,10 +132,10 @@ def is_flash(window: Sequence[Seen], at: int) -> bool:
 
 
 def place(frames: Iterable[S], key_interval: int, start: int) -> Iterator[Placed[S]]:
-    """Mark shots and keys; looks CUT_REACH + 1 frames ahead and CUT_REACH + 1 back.
+    """Mark shots and keyframes; looks CUT_REACH + 1 frames ahead and CUT_REACH + 1 back.
 
-    `start` is the index from which the frames were asked for: a first frame beyond it, or the
-    clip's first, begins a shot.
+    `start` is the index from which frames were requested: a first frame beyond it, or the clip's
+    first, starts a shot.
     """
     window: deque[S] = deque()
     cuts: dict[int, bool] = {}
@@ -174,7 +174,7 @@ def place(frames: Iterable[S], key_interval: int, start: int) -> Iterator[Placed
 
 
 def _is_key_due(index: int, flashes: Mapping[int, bool], key_interval: int) -> bool:
-    """Whether a key stands here: on the grid, or moved here off a flash, not further than reach."""
+    """Whether this is a keyframe: on the grid, or moved here from a flash within reach."""
     for back in range(CUT_REACH + 1):
         if (index - back) % key_interval == 0 and (not flashes[index] or back == CUT_REACH):
             return True

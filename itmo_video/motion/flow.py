@@ -1,8 +1,8 @@
-"""Optical-flow warping: a map at one frame seen from another, and how far to believe it.
+"""Optical flow: warping a map from one frame to another, and how far to trust the result.
 
 All pictures here are at analysis size. A flow belongs to the frame that it starts from:
-`flow_px[y, x]` is where pixel (x, y) of `here` went in `there`, so a map known at `there` is
-fetched to `here` by looking it up at (x, y) + flow.
+`flow_px[y, x]` is where pixel (x, y) of `here` is in `there`, relative to (x, y), so a map of
+`there` is warped to `here` by looking it up at (x, y) + flow.
 """
 
 from __future__ import annotations
@@ -31,10 +31,10 @@ _local = threading.local()
 
 
 def motion_picture(grey: Code) -> Code:
-    """The picture that motion is found in: of half the size, where that is enough.
+    """The picture in which motion is estimated: of half the size, if that is enough.
 
-    DIS ends at a quarter of a large picture's size; half of the picture tells it as much, and all
-    that is done with a flow costs a quarter.
+    For large pictures DIS stops at a quarter of the size, so half the size serves as well, and
+    everything done with a flow costs a quarter.
     """
     height, width = grey.shape
     if max(grey.shape) <= LARGE_PX or min(grey.shape) < 128:
@@ -46,14 +46,14 @@ def motion_picture(grey: Code) -> Code:
 def flow_px(here: Code, there: Code) -> Float32:
     """Dense DIS flow from `here` to `there`, (H, W, 2) float32 in pixels; 8-bit grey in.
 
-    Where the camera's motion explains the picture as well as the flow does, it is taken, so that
-    noise in flat areas moves nothing and a plain sky goes with the rest of the picture. Pictures
-    too small for DIS (under 16 px) do not move.
+    Where the camera's motion explains the picture as well as the flow does, it is used instead, so
+    that noise in flat areas moves nothing and a plain sky moves with the rest of the picture.
+    Pictures too small for DIS (under 16 px) do not move.
     """
     if min(here.shape) < 16:
         return np.zeros((*here.shape, 2), np.float32)
-    # One DIS object shared by threads crashes (facts.md), so each thread keeps its own. A small
-    # picture lowers an object's coarsest scale for good, so another size gets another object.
+    # A DIS object shared by threads crashes, so each thread has its own. A small picture lowers
+    # an object's coarsest scale permanently, so each size has its own, too.
     shape, dis = getattr(_local, "dis", (None, None))
     if shape != here.shape or dis is None:
         dis = cv2.DISOpticalFlow.create(cv2.DISOPTICAL_FLOW_PRESET_FAST)
@@ -61,28 +61,28 @@ def flow_px(here: Code, there: Code) -> Float32:
             dis.setFinestScale(0)
         elif max(here.shape) <= LARGE_PX:
             dis.setFinestScale(1)
-            dis.setVariationalRefinementIterations(0)  # maps are carried as well, in half the time
+            dis.setVariationalRefinementIterations(0)  # carries maps as well, in half the time
         _local.dis = (here.shape, dis)
     flow = np.asarray(dis.calc(here, there, None), np.float32)
     return steadied(here, there, flow)
 
 
 def bears_quarter_size(height: int, width: int) -> bool:
-    """Whether DIS can end at a quarter of the size, as its preset FAST has it.
+    """Whether DIS can stop at a quarter of the size, as its preset FAST does.
 
     Its coarsest scale is the lesser of log2(longer side / 32), rounded, and log2(shorter side / 8),
-    cut (OpenCV's dis_flow.cpp). Where that is finer than the finest one that is asked for, DIS
-    takes scales by the width alone, which reads outside of low pictures, and keeps them, so that a
-    second call gives another flow than the first.
+    truncated (OpenCV's dis_flow.cpp). If that is finer than the finest scale requested, DIS derives
+    scales from the width alone, which reads outside low pictures, and keeps them, so that a second
+    call gives another flow than the first.
     """
     return min(height, width) >= 32 and max(height, width) >= 91
 
 
 def steadied(here: Code, there: Code, flow: Float32) -> Float32:
-    """The flow, taken back smoothly to the camera's motion where that explains as much.
+    """The flow, blended into the camera's motion where that explains the picture as well.
 
-    The camera stands still unless its motion explains a good part of the picture better, and far
-    less of it worse, than none: a small bright object that moves is not a camera.
+    The camera counts as still unless its motion explains a good part of the picture better, and
+    far less of it worse, than no motion: a small bright moving object is not a camera.
     """
     camera = camera_motion_px(here, flow)
     plain = local_difference(here, warp(there, camera))
@@ -99,10 +99,10 @@ def steadied(here: Code, there: Code, flow: Float32) -> Float32:
 
 
 def camera_motion_px(here: Code, flow: Float32) -> Float32:
-    """The affine motion that most of a flow's textured places agree on, (H, W, 2) float32.
+    """The affine motion that most textured places of a flow agree on, (H, W, 2) float32.
 
-    Least squares, reweighted by Geman and McClure's function with a falling scale, which leaves out
-    what moves by itself; places without texture have no say. Zero where nothing has texture.
+    Least squares, reweighted by Geman and McClure's function with a decreasing scale, which
+    excludes moving objects; places without texture do not count. Zero if nothing has texture.
     """
     height, width = here.shape
     y, x = (np.arange(CAMERA_STEP_PX // 2, side, CAMERA_STEP_PX) for side in (height, width))
@@ -132,14 +132,14 @@ def camera_model(
     """Constant, slope across and slope down (3, 2) of the motion that most places agree on.
 
     `across`, `down` and `texture` (N,), `vectors` (2, N); reweighted by `sigmas`, in pixels, one
-    a round; `ridge` times the weights' sum keeps slopes that nothing tells of at 0.
+    per round; `ridge` times the weights' sum keeps undetermined slopes at 0.
     """
     terms = np.stack([np.ones(across.size), across, down])
-    # What the normal equations' two sides add up, each place's share a column.
+    # The terms of both sides of the normal equations, a column per place.
     products = (terms[:, None] * np.concatenate([terms, vectors])).reshape(15, -1)
     weight, model = texture, np.zeros((3, 2))
     for sigma_px in sigmas:
-        # einsum, as BLAS may add up in another order on another machine of a cluster
+        # einsum, as BLAS may sum in another order on another machine of a cluster
         sides = np.einsum("kn,n->k", products, weight).reshape(3, 5)
         normal = sides[:, :3]
         normal[[1, 2], [1, 2]] += ridge * normal[0, 0]
@@ -150,19 +150,19 @@ def camera_model(
 
 
 def warp(image: Code | Float32, flow: Float32) -> Float32:
-    """`image` (there) fetched along `flow` (from here): its shape, bilinear, edges repeated."""
+    """`image` (there) warped along `flow` (from here): same shape, bilinear, edges repeated."""
     how = cv2.INTER_LINEAR | cv2.WARP_RELATIVE_MAP
     return np.asarray(cv2.remap(image, flow, None, how, borderMode=cv2.BORDER_REPLICATE))
 
 
 def compose(first: Float32, second: Float32) -> Float32:
-    """Flow a to c from a to b and b to c."""
-    across, down = (warp(part, first) for part in cv2.split(second))  # cv2's own of two is slow
+    """The flow from a to c, composed of a to b and b to c."""
+    across, down = (warp(part, first) for part in cv2.split(second))  # cv2 is slow for two channels
     return np.asarray(cv2.add(first, cv2.merge([across, down])), np.float32)
 
 
 def warp_map(key_map: Float32, flow: Float32) -> Float32:
-    """A map (there) fetched along a flow of its own size or a smaller one: its shape."""
+    """A map (there) warped along a flow of its size or a smaller one: same shape."""
     (height, width), (h, w) = key_map.shape[:2], flow.shape[:2]
     if (height, width) != (h, w):
         flow = cv2.resize(flow, (width, height), interpolation=cv2.INTER_LINEAR)
@@ -171,7 +171,7 @@ def warp_map(key_map: Float32, flow: Float32) -> Float32:
 
 
 def weight_of(agreed: Float32, key_map: Float32) -> Float32:
-    """A weight found at a motion picture's size as it is for a map: (H, W)."""
+    """A weight of the motion picture's size at a map's size: (H, W)."""
     height, width = key_map.shape[:2]
     if agreed.shape == (height, width):
         return agreed
@@ -198,7 +198,7 @@ def agreement(here: Code, there: Code, flow: Float32) -> Float32:
 def blend_maps(
     left: Float32, right: Float32, t: float, w_left: Float32 | float, w_right: Float32 | float
 ) -> Float32:
-    """Two maps seen from one frame, by time (t from 0 at left to 1 at right) and agreement.
+    """Blend two warped maps by time (t from 0 at left to 1 at right) and agreement.
 
     The weights may be of a smaller size.
     """
@@ -238,7 +238,7 @@ def track_map(
     t: float,
     find_flow: FindFlow = flow_px,
 ) -> Float32:
-    """The map of the frame `here` from the (picture, map) of the keys on its two sides.
+    """The map of the frame `here` from the (picture, map) of the keyframes on either side.
 
     Pictures are `motion_picture`s, of one size; maps may be larger.
     """

@@ -1,7 +1,7 @@
-"""The keyframe scheduler: smoothed key maps, and the spans of frames between two keys.
+"""The keyframe scheduler: smoothed maps, and the spans of frames between two keyframes.
 
 Everything is decided from a bounded window of frames, so any range renders to the same bytes.
-Maps and flows are made in a pool, beside decoding; who needs one waits for it.
+Maps and flows are computed in a pool while decoding continues; callers wait for those they need.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from itmo_video.motion.cut_detection import CUT_REACH, Analysed, Placed
 
 @dataclass(eq=False)
 class Key:
-    """A keyframe: its picture, its own map, and flows to the neighbouring keys of its shot."""
+    """A keyframe: its picture, its map, and flows to the neighbouring keyframes of its shot."""
 
     placed: Placed[Analysed]
     raw_map: Future[Float32]
@@ -28,16 +28,16 @@ class Key:
 
     @property
     def picture(self) -> Code:
-        """The picture that motion is found in."""
+        """The picture in which motion is estimated."""
         return self.placed.analysed.motion
 
 
 @dataclass(frozen=True)
 class Span:
-    """Frames [key, ..., next key): the keys' pictures and maps, and the frames to be rendered.
+    """Frames [key, ..., next key): the keyframes' pictures and maps, and the frames to render.
 
-    `right` is None where the span is a single keyframe. `flashes` are the indices of frames that
-    have nothing of the keys' maps.
+    `right` is None if the span is a single keyframe. `flashes` are the indices of frames that do
+    not use the keyframes' maps.
     """
 
     left_index: int
@@ -49,20 +49,20 @@ class Span:
 
 
 def lead_in(key_interval: int, smooth_keys: int) -> tuple[int, int]:
-    """How far before a frame's grid position keys, and frames, are needed for it to be the same.
+    """How far before a frame's grid position keyframes, and frames, are needed to reproduce it.
 
-    A key that falls on a flash moves on by up to CUT_REACH, so keys are at most that much further
-    apart than the grid, and one key more may be needed; where it moves is known from two windows.
+    A keyframe that falls on a flash moves on by up to CUT_REACH, so keyframes may be that much
+    further apart than the grid, and one more may be needed; its new place needs two windows.
     """
     keys = (smooth_keys + 1) * (key_interval + CUT_REACH)
     return keys, keys + 2 * (CUT_REACH + 1)
 
 
 def smooth_map(keys: Sequence[Key], at: int, reach: int) -> Float32:
-    """A key's map averaged along motion with up to `reach` keys of its shot to both sides.
+    """A keyframe's map, averaged along motion with up to `reach` keyframes on either side.
 
-    Weighted by how well each warped picture agrees with the key's own; flows are composed from
-    key to key. `keys` are neighbours in one shot, `at` the position of the key wanted.
+    Weighted by how well each warped picture agrees with the keyframe's own; flows are composed
+    from key to key. `keys` are neighbours in one shot, `at` the position of the one wanted.
     """
     centre = keys[at]
     total = centre.raw_map.result().copy()
@@ -93,18 +93,18 @@ def spans(
     pool: Executor,
     find_flow: flow_room.FindFlow = flow_room.flow_px,
 ) -> Iterator[Span]:
-    """Pair the frames with the keys on either side, in order, each key's map made once.
+    """Pair frames with the keyframes on either side, in order, computing each map once.
 
-    Without `make_map` they have none: whoever asks a span for one gets ValueError.
-    Keys from index `first_needed` on are made; earlier frames only settled where shots begin.
-    Only spans some of whose frames `is_wanted` come out. What is made in the `pool` waits only for
-    what was given to it before, so one that begins its work in order cannot come to a stop.
+    Without `make_map` spans have no maps; requesting one raises ValueError. Maps are computed from
+    keyframe `first_needed` on; earlier frames only determine where shots begin. Only spans with a
+    frame that `is_wanted` are yielded. Work in the `pool` waits only for work submitted before, so
+    a pool that starts its work in order cannot deadlock.
     """
-    shot: list[Key] = []  # the recent keys of the current shot, oldest first
-    waiting: list[tuple[Key, list[Placed[Analysed]]]] = []  # spans whose maps wait for later keys
+    shot: list[Key] = []  # the shot's latest keyframes, oldest first
+    waiting: list[tuple[Key, list[Placed[Analysed]]]] = []  # their maps wait for later keys
     smoothed: dict[int, Future[Float32]] = {}
     no_map: Future[Float32] = Future()
-    no_map.set_exception(ValueError("these spans were asked for without maps"))
+    no_map.set_exception(ValueError("these spans were requested without maps"))
 
     def smooth(key: Key) -> Future[Float32]:
         if make_map is None:
@@ -115,7 +115,7 @@ def spans(
         return smoothed[index]
 
     def ready(count_ahead: int) -> Iterator[Span]:
-        # A span can go once its right key has smooth_keys keys after it, or the shot is over.
+        # A span is complete once smooth_keys keyframes follow its right one, or the shot ends.
         while len(waiting) >= 2 + count_ahead:
             (left, frames), (right, _) = waiting[0], waiting[1]
             if is_wanted([item.analysed for item in frames]):

@@ -1,7 +1,7 @@
-"""`auto`: each shot by how it was rendered to SDR: the paper's curve, or estimated highlights.
+"""The operator `auto`: treats each shot by how it was rendered to SDR.
 
-Eq. 11 where highlights were tone-mapped into SDR, a network's estimate where they clipped; anything
-else is unchanged.
+Eq. 11 where highlights were tone-mapped, a network's estimate where they clipped; anything else is
+unchanged.
 
 At keyframes, map_auto computes from the analysis picture how far each clipped place lies above
 white, for R, G and B separately (auto_levels), and the weight of eq. 11 at each place
@@ -43,20 +43,20 @@ OPEN_CENTRE, OPEN_SLOPE, OPEN_FROM = 0.808, 27.3, 0.5
 _OPEN_LOW, _OPEN_WHITE = (
     1 / (1 + math.exp(-OPEN_SLOPE * (light - OPEN_CENTRE))) for light in (OPEN_FROM, 1.0)
 )
-APART_FROM, APART_WHOLLY = 0.9, 1.0  # of the greatest channel: below it none parts from the others
-RATIO_LOW, RATIO_HIGH = 0.7, 2.0  # of smoothed over given light: small lamps stay bright
-WITH_FROM, WITH_WHOLLY = 0.8, 1.0  # light at which a channel counts as clipped with the greatest
-UNSURE, SURE, LEAST_TRUST = 0.1, 0.27, 0.3  # of the network's stops, where it is not certain
+APART_FROM, APART_WHOLLY = 0.9, 1.0  # of the highest channel: below, channels do not separate
+RATIO_LOW, RATIO_HIGH = 0.7, 2.0  # of smoothed over given light: keeps small lamps bright
+WITH_FROM, WITH_WHOLLY = 0.8, 1.0  # light at which a channel counts as clipped with the highest
+UNSURE, SURE, LEAST_TRUST = 0.1, 0.27, 0.3  # of the network's stops, where it is uncertain
 LEAST_LIGHT = 2e-3
-# Texture is not lifted with the light that falls on it: eq. 11's argument is smoothed over it.
+# Eq. 11's argument is smoothed over texture, which is not amplified with the light on it.
 TEXTURE = Guard(radius_px=21, epsilon=0.02, curve_map=3)
 
 
 def map_auto(rgb_linear: Float32, context: Context, wrap_x: bool = False) -> Float32:
-    """The evidence of a keyframe: float32 (H, W, 4) in [0, 1].
+    """The four maps of a keyframe: float32 (H, W, 4) in [0, 1].
 
-    Expected log2 of R, G and B of each place were they clipped, over log2 L'max, and eq. 11's
-    weight over GREATEST_WEIGHT. `rgb_linear` is the picture at analysis size, float32 (H, W, 3) in
+    The expected log2 of R, G and B of each pixel if clipped, over log2 L'max, and eq. 11's weight
+    over GREATEST_WEIGHT. `rgb_linear` is the picture at analysis size, float32 (H, W, 3) in
     [0, 1]; `wrap_x` for a panorama.
     """
     height, width = rgb_linear.shape[:2]
@@ -106,10 +106,10 @@ def _compiled_gain_auto(
 def gain_auto(
     rgb: Sequence[Float32], ratio: Float32 | None, maps: Sequence[Float32], context: Context
 ) -> list[Float32]:
-    """The gains of R, G and B, float32 of their shape: L'max at most, 1 where nothing is known.
+    """The gains of R, G and B, float32 of their shape: at most L'max, 1 where maps are 0.
 
-    `rgb` is linear light, more than 1 counting as 1; `ratio` smoothed over given luminance, 1 if
-    None; `maps` the four of map_auto, or none: all that clips goes to L'max then.
+    `rgb` is linear light, clipped at 1; `ratio` is smoothed over given luminance, 1 if None; `maps`
+    are the four of map_auto, or none: everything that clips then goes to L'max.
     """
     l_max, apart = context.l_max, context.hue == "restore"
     peak_stops = np.float32(math.log2(l_max))
@@ -122,7 +122,7 @@ def gain_auto(
         light = np.clip((luminance_of(limited) + greatest) * np.float32(0.5) * even, least, 1)
         gain = np.log2(gain_banterle2006(light, Context(l_max, l_max)))
         weight = maps[3] * np.float32(GREATEST_WEIGHT)
-        # Beyond eq. 11's own gain it bends off below the peak; texture may not pass it, either.
+        # Beyond eq. 11's own gain, a soft knee below the peak, which texture must not exceed.
         room = np.maximum(peak_stops - np.log2(np.clip(greatest * even, least, 1)) - gain, 0)
         more = np.maximum(weight - 1, 0) * gain
         curve = np.minimum(weight, 1) * gain + room * more / (room + more + np.float32(1e-6))
@@ -165,7 +165,7 @@ def expand_auto(
     strength: float,
     out: Half,
 ) -> None:
-    """The picture times 1 + `strength` * (gain_auto - 1) as halves into `out` (3, rows, W)."""
+    """Write the picture times 1 + `strength` * (gain_auto - 1) as halves to `out` (3, rows, W)."""
     gains = gain_auto(rgb, ratio, maps, context)
     for plane, gain, target in zip(rgb, gains, out, strict=True):
         (part,) = weighed(gain, [], 1, strength)
@@ -175,12 +175,12 @@ def expand_auto(
 
 @dataclass(frozen=True)
 class AutoOperator:
-    """The operator (protocol.py): three maps of what clipped and one of eq. 11's weight."""
+    """The operator (protocol.py): three maps of clipped highlights and one of eq. 11's weight."""
 
     name: str = "auto"
     summary: str = (
-        "each shot by its own rendering: eq. 11 where it was tone-mapped, a fitted network's "
-        "estimate where it clipped"
+        "treats each shot by how it was rendered to SDR: eq. 11 if tone-mapped, a neural "
+        "network's estimate where highlights clipped"
     )
     source: str = "itmo_video's own: docs/auto.md; eq. 11 of Banterle et al. 2006"
     parameters: Mapping[str, Parameter] = field(default_factory=dict)
@@ -205,7 +205,7 @@ class AutoOperator:
         context: Context,
         strength: float,
     ) -> list[Float32]:
-        """`gain_auto`, of R, G and B, by the strength."""
+        """`gain_auto` of R, G and B, weighted by the strength."""
         return [
             part
             for gain in gain_auto(rgb, ratio, maps, context)
@@ -213,7 +213,7 @@ class AutoOperator:
         ]
 
     def numbers(self, context: Context) -> compiled_auto.GainAuto:
-        """Gates and bounds of `gain_auto`, for the compiled passes."""
+        """The constants of `gain_auto` for the compiled passes."""
         return _numbers(context)
 
     def expand(

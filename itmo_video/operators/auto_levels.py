@@ -19,7 +19,7 @@ import numpy as np
 from itmo_video.colour.luminance import greatest_of
 from itmo_video.model import Float32
 
-# As in docs/auto/network.py, which the weights were fitted with.
+# As in docs/auto/network.py, with which the weights were fitted.
 EDGES_STOPS = (0.0, 0.3, 0.6, 0.9, 1.2, 1.6, 2.0, 2.5, 3.1, 3.7, 4.4)
 GATE_CENTRE, GATE_SLOPE = 0.9, 40.0
 TILE_PX = 32  # the network halves five times, so its pictures are multiples of this
@@ -42,8 +42,8 @@ def srgb_codes(rgb_linear: Float32) -> Float32:
 def features(codes: Float32, height: int) -> Float32:
     """The network's input, float32 (17, h/2, w/2), of codes (h, w, 3) in [0, 1].
 
-    The codes and the gates of 2 x 2 pixels, and the place in the frame from -1, top, to 1, which
-    is row `height`: rows beyond it are padding. h and w are even.
+    The codes and gates of 2 x 2 pixels, and the vertical position from -1 at the top to 1 at row
+    `height`; rows beyond it are padding. h and w are even.
     """
     h, w = codes.shape[0] // 2, codes.shape[1] // 2
     greatest = greatest_of(codes)
@@ -57,7 +57,7 @@ def features(codes: Float32, height: int) -> Float32:
 
 
 def level_shares(rgb_linear: Float32, wrap_x: bool = False) -> Float32:
-    """The network's word, whatever L'max: float32 (3, levels, h, w), shares that reach a level.
+    """The network's prediction, for any L'max: float32 (3, levels, h, w), shares per level.
 
     `rgb_linear` is the picture at analysis size, float32 (H, W, 3) in [0, 1]; `wrap_x` for a
     panorama. h and w are half of the network's padded picture's.
@@ -84,14 +84,14 @@ def level_shares(rgb_linear: Float32, wrap_x: bool = False) -> Float32:
 def expected_levels(
     shares: Float32, size: tuple[int, ...], l_max: float, wrap_x: bool = False
 ) -> Float32:
-    """Expected log2 of R, G and B of each place were they clipped, over log2 L'max: (H, W, 3).
+    """The expected log2 of R, G and B of each pixel if clipped, over log2 L'max: (H, W, 3).
 
-    Float32 in [0, 1], of a picture of `size` (H, W) whose `level_shares` these are.
+    Float32 in [0, 1], for a picture of `size` (H, W) with these `level_shares`.
     """
     height, width = _seen_size(size[0], size[1])
     peak_stops = math.log2(max(l_max, 1 + 1e-6))
     edges = np.minimum(EDGES_STOPS, peak_stops)
-    # The last level's share is taken on to peaks beyond it.
+    # The last level's share is used for peaks beyond it.
     widths = np.diff([*edges[:-1], max(peak_stops, edges[-1])])
     stops = np.einsum("k,ckhw->hwc", (widths / peak_stops).astype(np.float32), shares)
     padded = 2 * shares.shape[3], 2 * shares.shape[2]
@@ -104,12 +104,11 @@ def expected_levels(
 
 
 def certainty(shares: Float32, clipped: Float32, wrap_x: bool = False) -> float:
-    """How sure the network is of what it says of a whole picture, in [0, 1].
+    """How certain the network is about a whole picture, in [0, 1]; 1 if nothing has clipped.
 
-    A share of 0 or 1 is sure, one between means that the place may reach a level or not: 1 less
-    the sum of s * (1 - s) over that of s, the channels' mean shares of the levels up to
-    CERTAIN_STOPS, weighed by their widths and by `clipped`, (H, W) in [0, 1], how far each place
-    has clipped. 1 where nothing has.
+    A share of 0 or 1 is certain; in between, the level may be reached or not. The certainty is 1
+    minus the sum of s * (1 - s) over that of s, the channels' mean shares of the levels up to
+    CERTAIN_STOPS, weighted by their widths and by `clipped`, (H, W) in [0, 1].
     """
     height, width = _seen_size(*clipped.shape)
     left = WRAP_PX // 2 if wrap_x else 0
@@ -131,7 +130,7 @@ def _seen_size(height: int, width: int) -> tuple[int, int]:
 
 
 def _network() -> Any:
-    """The calling thread's network, as a cv2.dnn.Net cannot be shared."""
+    """The network of the calling thread, as a cv2.dnn.Net cannot be shared."""
     if not hasattr(_local, "net"):
         data = resources.files(__package__).joinpath(_WEIGHTS).read_bytes()
         _local.net = cv2.dnn.readNetFromONNX(np.frombuffer(data, np.uint8))

@@ -25,14 +25,14 @@ from itmo_video.operators.ramps import ramp, ramps
 CLIPPED_FROM = 0.975  # of white, linear: compression lets clipped areas waver
 BRIGHT_FROM = 0.3
 # Clipped over bright pixels: below the first a picture was tone-mapped, above the second clipped.
-# The first pair holds where white is come upon smoothly, the second where codes pile up at it;
-# there all clipped pixels count, too, by PILED_SHARES of the picture.
+# The first pair is for smooth histograms, the second for codes piled up at white, for which the
+# share of clipped pixels also counts (PILED_SHARES).
 SMOOTH_RATIOS, PILED_RATIOS, PILED_SHARES = (0.03, 0.065), (0.026, 0.038), (0.0085, 0.0105)
-JUST_BELOW = 0.95  # of white; clipped over what lies from here on: smooth below 1.3, piled from 2
+JUST_BELOW = 0.95  # of white; clipped over pixels from here on: smooth below 1.3, piled up from 2
 SMOOTH_PILE, WHOLE_PILE = 1.3, 2.0
-WHITE_SHARE = 0.999  # of the pixels lie below where white stands
-WHITE_LOW, WHITE_FULL = 0.8, 0.95  # white standing below the first was never folded there
-LOW_RANGE, FULL_RANGE = 2.0, 2.6  # stops from the darkest tenth to white: less needed no folding
+WHITE_SHARE = 0.999  # of the pixels are below the level called white
+WHITE_LOW, WHITE_FULL = 0.8, 0.95  # with white below the first, it was not tone-mapped
+LOW_RANGE, FULL_RANGE = 2.0, 2.6  # stops from the darkest tenth to white: less needs none
 DARK_CODE, ORDINARY_CODE = 0.2, 0.35  # of the middle tone, BT.1886
 GREATEST_WEIGHT = 2.5  # of eq. 11's gain
 _GAMMA = 2.4
@@ -40,13 +40,13 @@ _GAMMA = 2.4
 
 @dataclass(frozen=True)
 class Rendering:
-    """The evidence of a picture's own rendering; shares of its pixels, 0 to 1.
+    """Measures of how a picture was rendered to SDR; shares of its pixels, 0 to 1.
 
-    `clipped` have their greatest channel at white, `bright` between 0.3 of white and there,
-    `just_below` in the last fortieth of that; a tenth of the pixels lie below the level `dark`;
-    `white` is the level, of SDR white, that all but a thousandth stay below; `middle_code` the
-    median's code. `tone_mapped` is 0 for a clipped camera, 1 where the highlights were folded;
-    `night` 1 where the picture is dark, so that what is bright in it is a light.
+    By the highest channel: `clipped` are at white, `bright` between 0.3 of white and there,
+    `just_below` in the last fortieth below. A tenth of the pixels are below the level `dark`, all
+    but a thousandth below `white`, relative to SDR white; `middle_code` is the median's code.
+    `tone_mapped` is 0 for a camera that clips, 1 for compressed highlights; `night` is 1 if the
+    picture is dark, so that bright areas are lights.
     """
 
     clipped: float
@@ -59,12 +59,12 @@ class Rendering:
 
     @property
     def measures(self) -> tuple[float, ...]:
-        """What was measured; `footage` is somebody's word."""
+        """The measured values, without `footage`, which the user sets."""
         return self.clipped, self.bright, self.white, self.middle_code, self.just_below, self.dark
 
     @property
     def tone_mapped(self) -> float:
-        """1 where eq. 11 is right, 0 where it would harm, and between."""
+        """How far eq. 11 applies: 1 if it is right, 0 if it would harm."""
         if self.footage != "auto":
             return float(self.footage == "tone-mapped")
         ratio = math.log((self.clipped + 1e-6) / (self.bright + 1e-4))
@@ -79,23 +79,23 @@ class Rendering:
 
     @property
     def caution(self) -> float:
-        """What is kept of the network's stops: 0.8 where little clips, 1 from 8 % on.
+        """The share of the network's stops that is used: 0.8 if little clips, 1 from 8 % on.
 
-        Where little clips SDR is near the truth, and what is taken for more does the most harm: on
-        23 scenes that nothing was fitted to, the worst loss then halves for 0.1 dB of the mean.
+        If little clips, SDR is close to the truth, and overestimates do most harm: on 23 scenes
+        not used for fitting, this halves the worst loss and costs 0.1 dB of the mean.
         """
         return 0.8 + 0.2 * ramp(self.clipped, 0.02, 0.08)
 
     @property
     def night(self) -> float:
-        """1 in the dark, 0 from ordinary middle tones on."""
+        """1 for dark pictures, 0 from ordinary middle tones on."""
         return 1 - ramp(self.middle_code, DARK_CODE, ORDINARY_CODE)
 
     def in_words(self, l_max: float) -> str:
-        """What was found and what is done, in a line."""
+        """One line about what was found and what is done."""
         reached = f"the brightest reach {self.white:.0%} of"
         if self.tone_mapped >= 0.5:
-            how = "highlights roll off" if self.clipped < 0.005 else "highlights are folded"
+            how = "highlights roll off" if self.clipped < 0.005 else "highlights are compressed"
             most = f"{l_max**self.tone_mapped:.1f} times SDR white"
             return (
                 f"{how}, {reached} white: tone-mapped; expanded by the paper's curve, up to {most}"
@@ -106,9 +106,9 @@ class Rendering:
 
 
 def rendering_of(rgb_linear: Float32, footage: str = "auto") -> Rendering:
-    """Read a picture's rendering; `rgb_linear` float32 (H, W, 3) in [0, 1], at analysis size.
+    """Measure a picture's rendering; `rgb_linear` is float32 (H, W, 3) in [0, 1], at analysis size.
 
-    `footage` is the setting of that name: other than "auto" it says what a person knows.
+    `footage` is the setting of that name, which overrides the estimate unless it is "auto".
     """
     greatest = greatest_of(rgb_linear)
     clipped = greatest >= np.float32(CLIPPED_FROM)
@@ -127,7 +127,7 @@ def rendering_of(rgb_linear: Float32, footage: str = "auto") -> Rendering:
 
 
 def rendering_of_frame(frame: Frame, map_width: int, footage: str = "auto") -> Rendering:
-    """Read a frame's rendering from its codes at analysis size, averaged over areas."""
+    """Measure a frame's rendering from its codes, area-averaged to analysis size."""
     size = analysis_size(*frame.size, map_width)
     planes = tuple(cv2.resize(p, size, interpolation=cv2.INTER_AREA) for p in frame.planes)
     linear = linear_light.to_rgb_linear(replace(frame, planes=planes), clip=True)
@@ -135,16 +135,17 @@ def rendering_of_frame(frame: Frame, map_width: int, footage: str = "auto") -> R
 
 
 def mean_rendering(renderings: Sequence[Rendering], footage: str = "auto") -> Rendering:
-    """What a shot's frames tell together; `renderings` has one at least."""
+    """The mean of a shot's renderings, of which there must be one."""
     measures = np.mean([one.measures for one in renderings], axis=0).tolist()
     return replace(Rendering(*measures), footage=footage)
 
 
 def curve_weight(rgb_linear: Float32, rendering: Rendering, lamps: float) -> Float32:
-    """Eq. 11's weight at each place, over GREATEST_WEIGHT: float32 (H, W) in [0, 1].
+    """Eq. 11's weight at each pixel, over GREATEST_WEIGHT: float32 (H, W) in [0, 1].
 
-    The exponent of eq. 11's gain: 0 leaves a place as it is. Half of it is the picture's, half the
-    density of light around, as in the paper's Expand Map; `lamps` weighs small bright things.
+    The exponent of eq. 11's gain; 0 leaves a pixel unchanged. Half of it applies to the whole
+    picture, half is the density of light nearby, as in the paper's Expand Map; `lamps` weights
+    small lights.
     """
     tone_mapped, night = rendering.tone_mapped, rendering.night
     if tone_mapped == 0:
@@ -153,7 +154,7 @@ def curve_weight(rgb_linear: Float32, rendering: Rendering, lamps: float) -> Flo
     weight = light_density(luminance)
     weight *= np.float32(0.5 * (1 + night))
     weight += np.float32(0.5 * (1 + night))
-    dark = max(night, min(lamps - 1, 1.0))  # who asks for more lamps gets them by day, too
+    dark = max(night, min(lamps - 1, 1.0))  # above 1, lamps count in daylight, too
     if lamps > 0 and dark > 0:
         weight += np.float32(lamps * dark) * small_lights(greatest_of(rgb_linear))
     weight *= np.float32(tone_mapped / GREATEST_WEIGHT)
@@ -161,11 +162,11 @@ def curve_weight(rgb_linear: Float32, rendering: Rendering, lamps: float) -> Flo
 
 
 def light_density(luminance: Float32) -> Float32:
-    """Median cut's density of light where its lights are many and the disc's edge soft: (H, W).
+    """The density of light, as by median cut with many lights and a soft disc: (H, W).
 
     All lights of a median cut have the same power, so their density is the local mean of luminance
-    over the picture's. From 0 where it is 0.75 times that of a uniformly lit picture to 1 at 2.75
-    times: the paper's threshold of 4 lights, softly counted (`expand_map.density`).
+    over the picture's. It rises from 0 at 0.75 times that of a uniformly lit picture to 1 at 2.75
+    times: the paper's threshold of 4 lights, counted softly (`expand_map.density`).
     """
     height, width = luminance.shape
     side = math.sqrt(height * width)
@@ -178,9 +179,9 @@ def light_density(luminance: Float32) -> Float32:
 
 
 def small_lights(greatest: Float32) -> Float32:
-    """How far each place is a small light by itself, in dark surroundings: (H, W) in [0, 1].
+    """How far each pixel belongs to a small light in dark surroundings: (H, W) in [0, 1].
 
-    At least 2 stops brighter than what an opening leaves around it, wholly from 3.5 stops on.
+    It is brighter than what a morphological opening leaves around it by 2 stops (0) to 3.5 (1).
     """
     side = max(3, 2 * round(0.02 * math.sqrt(greatest.size)) + 1)
     around = cv2.morphologyEx(greatest, cv2.MORPH_OPEN, np.ones((side, side), np.uint8))

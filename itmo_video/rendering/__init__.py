@@ -1,1 +1,1 @@
-"""Brings the map up to a frame's size and applies it, span by span."""
+"""Upsamples maps to the frame's size and applies them, span by span."""

@@ -28,7 +28,7 @@ _LEAST_FOR_CV2 = 64  # cv2 takes arrays of up to four elements for scalars
 
 @dataclass(frozen=True)
 class Rendered:
-    """A finished frame: planar half-float RGB, alpha if any, and the layers that were asked for."""
+    """A finished frame: planar half-float RGB, alpha if any, and the requested layers."""
 
     rgb: tuple[Half, Half, Half]
     alpha: Half | None
@@ -40,11 +40,11 @@ def render(
 ) -> Rendered:
     """Expand one frame; `map_small` is its map at analysis size, None for a map of 1 everywhere.
 
-    A map (H, W, 3) weighs each channel by its own; layers then hold eq. 1's mean of the three.
+    A map (H, W, 3) weights each channel separately; layers then hold their mean by eq. 1.
     `guide` is its `guide.analysis_guide`, where that is available.
 
-    The result is LDR + map * (expanded - LDR), written as a gain on linear RGB so that the hue is
-    kept (eq. 3), in the output primaries, in units of SDR white, within half float's range.
+    The result is LDR + map * (expanded - LDR), computed as a gain on linear RGB, which preserves
+    the hue (eq. 3); in the output primaries, in units of SDR white, within half float's range.
     """
     settings = look.settings
     clip = settings.over_white == "clip"
@@ -65,10 +65,10 @@ def render(
         settings.edge_aware and not operator.draws_edges,
         operator.guard,
     )
-    # A gain of L'max on a pixel of one pure primary may pass what a half can hold.
+    # A gain of L'max on a pixel of a single primary may exceed the range of a half.
     limit = settings.alpha is not None or not clip or 20 * context.l_max > HALF_MAX
     alpha = _alpha(frame)
-    out = np.empty((3, height, width), np.float16)  # at once: NumPy asks for huge pages
+    out = np.empty((3, height, width), np.float16)  # in one piece: NumPy then uses huge pages
     layers = {f"{name}.Y": np.empty((height, width), np.float16) for name in settings.layers}
     part, more = min(settings.strength, 1.0), max(settings.strength - 1, 0.0)
     is_plain = not (limit or layers or more) and alpha is None and matrix is None
@@ -80,7 +80,7 @@ def render(
         linear_light.strip_to_rgb_linear(frame, rows, clip, rgb)
         maps, denoise = guidance.rows(rows)
         if is_plain and isinstance(operator, LuminanceOperator) and len(maps) == 1:
-            # The same as below, where it is compiled in one pass over the strip.
+            # The same as below, compiled into one pass over the strip.
             gain = operator.gain(limited_luminance(rgb, denoise), context)
             base = operator.base_gain(context)
             expand(rgb, gain, maps[0], base, part, out[:, rows])
@@ -99,10 +99,10 @@ def render(
 def strengthened(
     gains: Sequence[Float32], greatest: Float32, strength: float, l_max: float
 ) -> list[Float32]:
-    """Gains to the power of a strength of 1 to 2, by a soft knee below the peak: new arrays.
+    """Gains to the power of a strength of 1 to 2, with a soft knee below the peak: new arrays.
 
-    `greatest` is the greatest channel before the gains. What comes on top bends off in the stops
-    that are left to L'max, all channels alike, so that hues stay and nothing passes the peak.
+    `greatest` is the highest channel before the gains. The additional gain is compressed into the
+    stops left below L'max, equally for all channels: hues stay and nothing exceeds the peak.
     """
     least = np.float32(1e-4)
     stops = [np.log2(np.maximum(gain, least)) for gain in gains]
@@ -119,7 +119,7 @@ def strengthened(
 
 
 def _mean_of(parts: Sequence[Float32]) -> Float32:
-    """One plane as it is; of three, those of R, G and B, the mean by eq. 1."""
+    """A single plane unchanged, or the mean of those of R, G and B by eq. 1."""
     return parts[0] if len(parts) == 1 else luminance_of(parts)
 
 
@@ -181,7 +181,7 @@ def expand(
 
 
 def _alpha(frame: Frame) -> Float32 | None:
-    """Alpha in [0, 1]; integer sources have it unassociated, so RGB is multiplied by it."""
+    """Alpha in [0, 1]; integer sources have unassociated alpha, so RGB is multiplied by it."""
     if not frame.encoding.has_alpha:
         return None
     top = np.float32(2**frame.encoding.bit_depth - 1)

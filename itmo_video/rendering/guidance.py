@@ -1,7 +1,7 @@
-"""What a picture's own luma guides: the map at full size, and a luminance free of grain.
+"""Guided by the picture's luma: maps at full size, and a luminance without grain.
 
-Both are guided filters (He and Sun 2015) whose coefficients are found at analysis size and brought
-up a strip of rows at a time, so any strip gives the bytes of the whole frame.
+Both are guided filters (He and Sun 2015) whose coefficients are computed at analysis size and
+upsampled a strip of rows at a time, so any strip has the same bytes as the whole frame.
 """
 
 from __future__ import annotations
@@ -20,17 +20,17 @@ from itmo_video.operators.base import GRAIN, Guard
 from itmo_video.rendering import guided_upsampling
 from itmo_video.settings import Settings
 
-EDGE_EPSILON = 1e-3  # contrasts (squared, of codes 0..1) below this do not bend the map
+EDGE_EPSILON = 1e-3  # contrasts (squared, of codes 0..1) below this do not affect the map
 SOFTENING = np.array([1, 4, 6, 4, 1], np.float32) / 16  # binomial, a standard deviation of 1 px
 REACH = len(SOFTENING) // 2
-GAMMA = 2.4  # how luminance goes with the code, for small differences
+GAMMA = 2.4  # how luminance follows the code, for small differences
 
 
 def strip_codes(frame: Frame, rows: slice, wrap_x: bool) -> tuple[Float32, Float32]:
     """Luma codes of some rows, as `guide_codes`, and the same softened to guide the map.
 
-    A map that follows the picture's last pixel and its grain changes wherever the picture moves by
-    part of a pixel. With `wrap_x` (panoramas) the left and right edges meet.
+    A map that followed each pixel and its grain would change wherever the picture moves by a
+    fraction of a pixel. With `wrap_x` (panoramas) the left and right edges join.
     """
     around = _around(rows, frame.size[1])
     codes = guide_codes(frame, rows=around)
@@ -43,16 +43,15 @@ def strip_codes(frame: Frame, rows: slice, wrap_x: bool) -> tuple[Float32, Float
 
 
 def _around(rows: slice, height: int) -> slice:
-    """The rows that softening some looks at."""
+    """The rows needed to soften these."""
     return slice(max(0, rows.start - REACH), min(height, rows.stop + REACH))
 
 
 class Guidance:
-    """A frame's maps, and what frees its luminance of grain, a strip of rows at a time.
+    """A frame's maps and noise guard, a strip of rows at a time.
 
     The noise guard keeps grain, banding and block edges out of the curve's argument. The picture
-    keeps its own detail: what is below the guard's epsilon is carried through as it is and not
-    lifted by the curve's slope.
+    keeps its detail: contrasts below the guard's epsilon are not amplified by the curve's slope.
     """
 
     def __init__(
@@ -64,7 +63,7 @@ class Guidance:
         edge_aware: bool,
         guard: Guard = GRAIN,
     ) -> None:
-        """`guide` is its `analysis_guide`; `map_small` (H, W), or (H, W, C) for each channel's."""
+        """`guide` is its `analysis_guide`; `map_small` (H, W), or (H, W, C) for one per channel."""
         self._frame = frame
         self._wraps = settings.projection == "latlong"
         self._edge_aware = edge_aware and map_small is not None
@@ -100,10 +99,10 @@ class Guidance:
     def rows(self, rows: slice) -> tuple[list[Float32], Float32 | None]:
         """The maps of some rows in [0, 1], and smoothed over given luminance in [0.5, 2].
 
-        Float32 (rows, W) each; no maps and None where none are wanted. One that is 0 in all of
-        these rows is one 0 for all places, with strides of 0, which costs nothing. The guard works
-        on codes, where noise is even; to first order a change of code by a fraction changes
-        luminance by GAMMA times that fraction.
+        Float32 (rows, W) each; no maps, and None, if none are wanted. A map that is 0 in all of
+        these rows is a single 0 with strides of 0, which costs nothing. The guard works on codes,
+        where noise is uniform; to first order, a relative change of code changes luminance by GAMMA
+        times as much.
         """
         small = self._small
         if small is None:
@@ -121,9 +120,9 @@ class Guidance:
         return maps, ratio
 
     def small_maps(self, rows: slice) -> compiled_auto.SmallMaps | None:
-        """What `rows` brings up, for a kernel that does it by itself; None where it cannot.
+        """The input of `rows`, for a kernel that upsamples maps itself; None if it cannot.
 
-        None where `rows` is done plainly, and for maps that follow the picture's edges.
+        None if the compiled library is not used, and for maps that follow the picture's edges.
         """
         small = self._small
         if self._plainly or self._edge_aware or self._frame.encoding.family != "ycbcr":
@@ -143,7 +142,7 @@ class Guidance:
         return compiled_auto.SmallMaps(small, self._guards, (a, b, c, d), known > 0, above, part)
 
     def _without_zeros(self, small: Float32, rows: slice) -> tuple[Float32, tuple[int, ...]]:
-        """The planes that say something of these rows, and the numbers of the maps that do not."""
+        """The planes that are not 0 in these rows, and the numbers of the maps that are."""
         guards = 2 * self._guards
         above, below, _, _ = guided_upsampling.rows_between(
             rows.start, rows.stop, small.shape[1], self._frame.size[1]
@@ -186,7 +185,7 @@ class Guidance:
     def rows_compiled(
         self, loaded: ctypes.CDLL, rows: slice, small: Float32
     ) -> tuple[list[Float32], Float32 | None]:
-        """`rows_plainly` by the compiled library; no panoramas, whose edges meet."""
+        """`rows_plainly` by the compiled library; not for panoramas, whose edges join."""
         above, _, part, _ = guided_upsampling.rows_between(
             rows.start, rows.stop, small.shape[1], self._frame.size[1]
         )
@@ -201,7 +200,7 @@ class Guidance:
         )
 
     def _luma(self) -> tuple[Code | Float32, tuple[float, float]]:
-        """The picture's luma in codes, with black and white above it; of RGB made once."""
+        """The picture's luma in codes, with the codes of black and of white above it."""
         if self._frame.encoding.family != "rgb":
             return self._frame.planes[0], self._frame.encoding.black_and_span
         if self._codes is None:
@@ -210,7 +209,7 @@ class Guidance:
 
 
 def _has_curve(map_small: Float32 | None, guard: Guard) -> bool:
-    """Whether a curve is there whose argument is smoothed: one that no map puts off."""
+    """Whether there is a curve with a smoothed argument that no map of 0 disables."""
     if map_small is None or map_small.ndim == 2 or guard.curve_map is None:
         return True
     return bool(map_small[..., guard.curve_map].any())

@@ -1,4 +1,4 @@
-"""Maps brought from analysis size to the picture's: by rows, and along the picture's edges."""
+"""Upsamples maps from analysis size to the picture's: by rows, and along its edges."""
 
 from __future__ import annotations
 
@@ -20,15 +20,15 @@ Indices: TypeAlias = npt.NDArray[np.int64]
 def upsample_rows(
     maps_small: Float32, rows: slice, shape_hw: tuple[int, int], wrap_x: bool = False
 ) -> Float32:
-    """Some rows of maps (..., h, w) brought up to (H, W), bilinearly, areas aligned.
+    """Some rows of maps (..., h, w) upsampled to (H, W), bilinearly, areas aligned.
 
-    A new float32 array (..., rows, W), within 1e-6 of cv2.resize. Any strip gives bit for bit the
-    same rows, which cv2.resize of parts would not. `wrap_x` for panoramas, whose last column lies
-    beside its first.
+    A new float32 array (..., rows, W), within 1e-6 of cv2.resize. Any strip gives the same rows to
+    the bit, unlike cv2.resize of parts. `wrap_x` for panoramas, whose last column is adjacent to
+    the first.
     """
     height, width = shape_hw
     above, below, part, rest = rows_between(rows.start, rows.stop, maps_small.shape[-2], height)
-    # By take, as what is indexed by rows or columns comes out transposed in memory.
+    # With take, as indexing by rows or columns gives a transposed layout in memory.
     strip = maps_small.take(above, -2) * rest[:, None]
     strip += maps_small.take(below, -2) * part[:, None]
     small_w = strip.shape[-1]
@@ -49,7 +49,7 @@ def upsample_rows(
 def rows_between(
     start: int, stop: int, small_height: int, height: int
 ) -> tuple[Indices, Indices, Float32, Float32]:
-    """The small rows above and below each full row, and the shares of the lower and the upper."""
+    """The small rows above and below each full row, and the weights of lower and upper."""
     y = (np.arange(start, stop) + 0.5) * (small_height / height) - 0.5
     y = np.clip(y, 0, small_height - 1)
     above = np.minimum(y.astype(np.int64), max(small_height - 2, 0))
@@ -63,12 +63,12 @@ def edge_aware_coefficients(
 ) -> tuple[Float32, Float32]:
     """Coefficients a, b, each float32 (H, W), with map ~ a * guide + b around every pixel.
 
-    The fast guided filter (He and Sun 2015, arXiv:1505.00996; eq. 5-8 of He et al. 2013): brought
-    up to full size they give the map as a * guide + b, to be clipped to [0, 1], with the edges of
-    the full-size guide. `map_small`, `guide_small`: float32 (H, W), the guide in any encoding.
+    The fast guided filter (He and Sun 2015, arXiv:1505.00996; eq. 5-8 of He et al. 2013):
+    upsampled, they give the map as a * guide + b, to be clipped to [0, 1], with the edges of the
+    full-size guide. `map_small`, `guide_small`: float32 (H, W), the guide in any encoding.
     Windows span 2 * radius_px + 1 pixels and shrink at the picture's edges; `epsilon` > 0 is the
-    variance of the guide, in its own unit squared, below which it counts as flat. The guide itself
-    may be the map: an edge-preserving filter.
+    variance of the guide, in its unit squared, below which it counts as flat. The map may be the
+    guide itself: an edge-preserving filter.
     """
     if map_small.shape != guide_small.shape:
         raise ValueError(f"map {map_small.shape} and guide {guide_small.shape} differ in shape")
@@ -103,5 +103,5 @@ def _box_sum(image: Floats, radius_px: int) -> Float32:
 
 @functools.lru_cache(maxsize=8)
 def _window_share(height: int, width: int, radius_px: int) -> Float32:
-    """One over the pixels of each window that lie in the picture."""
+    """One over the number of pixels of each window inside the picture."""
     return np.asarray(1 / _box_sum(np.ones((height, width), np.float32), radius_px), np.float32)

@@ -1,4 +1,4 @@
-"""OpenCV's own threads, held to one while frames are made in ours; given back afterwards."""
+"""Limits OpenCV to one thread while frames are rendered in ours, and restores it afterwards."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ _threads_before = 1
 
 @contextmanager
 def single_opencv_thread() -> Iterator[None]:
-    """Let OpenCV use the calling thread only: workers of ours fill the cores.
+    """Let OpenCV use the calling thread only, as our workers use all cores.
 
-    The setting is the whole process's, so the last of those who ask for it restores it.
+    The setting applies to the whole process, so the last user restores it.
     """
     global _users, _threads_before
     with _lock:

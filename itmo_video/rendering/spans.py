@@ -1,4 +1,4 @@
-"""Spans of frames through a bounded pool of threads: decoded in order, keys and rendering apart."""
+"""Renders spans of frames in a bounded pool of threads: decoded in order, rendered in parallel."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ MakeMap = Callable[[Frame, Look], Float32]
 
 @dataclass(frozen=True)
 class Run:
-    """Frames rendered from one place of the source: decode from `start`, make keys from `keys`."""
+    """Frames rendered in one pass: decode from `start`, compute keyframes from `keys`."""
 
     start: int
     keys: int
@@ -47,19 +47,19 @@ class Run:
 
     @property
     def last(self) -> int:
-        """The last index that is wanted."""
+        """The last index wanted."""
         return self.wanted[-1] if isinstance(self.wanted, range) else max(self.wanted)
 
 
 class Frames(Protocol):
-    """What frames come from: a clip, or whatever else gives them in order."""
+    """A source of frames: a clip, or anything else that yields them in order."""
 
     def frames(self, start: int = 0) -> Iterator[Frame]:
-        """Yield the frames from index `start` on, the same whatever `start`."""
+        """Yield the frames from index `start` on; the same frames for any `start`."""
 
 
 def default_jobs() -> int:
-    """Worker threads when none are asked for: the cores that this process may use."""
+    """The default number of worker threads: the cores that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
@@ -69,7 +69,7 @@ def plan_runs(wanted: Sequence[int], look: Look) -> list[Run]:
     lead_keys, lead = keyframes.lead_in(interval, smooth)
     groups: list[list[int]] = []
     for index in wanted:
-        # A gap shorter than the lead-in is cheaper to decode through than to start anew after.
+        # Decoding through a gap shorter than the lead-in is cheaper than starting again after it.
         if groups and index - groups[-1][-1] <= lead + interval:
             groups[-1].append(index)
         else:
@@ -83,14 +83,14 @@ def plan_runs(wanted: Sequence[int], look: Look) -> list[Run]:
 
 
 def whole_run(wanted: Sequence[int]) -> Run:
-    """One run from the first frame on, for what cannot be read from a later one."""
+    """One run from the first frame on, for sources that cannot be read from a later one."""
     return Run(0, 0, wanted if isinstance(wanted, range) else frozenset(wanted))
 
 
 def planned_runs(
     wanted: Sequence[int], look: Look, look_at: LookAt | None
 ) -> Iterator[tuple[Run, Look]]:
-    """The runs of sorted indices, each with a look whose maps its frames have in common."""
+    """The runs of sorted indices, each with a look whose maps its frames share."""
     if look_at is None:
         yield from ((run, look) for run in plan_runs(wanted, look))
         return
@@ -107,12 +107,12 @@ def planned_runs(
 
 
 def frames_in_flight(look: Look, jobs: int) -> int:
-    """Upper bound of the decoded frames that are held at a time, whatever the clip.
+    """Upper bound of the decoded frames held at a time, for any clip.
 
-    `jobs` spans are handed out; behind them wait the next one and those whose keys its
-    smoothing looks ahead to, then a last key and the window that finds cuts and flashes. Smoothing
-    also keeps keys behind. A flash makes one span longer and the following one as much shorter,
-    but workers may be left with long ones only.
+    `jobs` spans are being rendered; behind them wait the next one and those whose keyframes its
+    smoothing looks ahead to, then a last keyframe and the window for detecting cuts and flashes.
+    Smoothing also keeps earlier keyframes. A flash makes one span longer and the next one as much
+    shorter, but workers may be left with long ones only.
     """
     smooth, ahead = look.settings.smooth_reach, CUT_REACH + 2
     spans = jobs + 1 + smooth
@@ -121,10 +121,10 @@ def frames_in_flight(look: Look, jobs: int) -> int:
 
 
 def memory_bound_bytes(width: int, height: int, bytes_per_code: int, look: Look, jobs: int) -> int:
-    """Upper bound of what frames in flight take: codes that wait, and workers' float planes.
+    """Upper bound of the memory of frames in flight: waiting codes, and workers' float planes.
 
-    A worker holds about 14 float planes and its half-float result and file. Decoders keep a rim
-    around their pictures. At analysis size a key has a guide, a grey picture, a map and two flows.
+    A worker holds about 14 float planes and its half-float result and file. Decoders keep a border
+    around pictures. At analysis size a keyframe has a guide, a grey picture, a map and two flows.
     """
     small_width, small_height = analysis_size(width, height, look.settings.map_width)
     codes = (width + 128) * (height + 64) * 3 * bytes_per_code
@@ -143,10 +143,10 @@ def spans_of(
     make_map: MakeMap = make_key_map,
     find_flow: FindFlow = flow_px,
 ) -> Iterator[Span]:
-    """The run's spans in order, until its last wanted frame; a broken end ends the last shot.
+    """The run's spans in order, up to its last wanted frame; a broken end ends the last shot.
 
-    Their maps are made in the `pool`. Who renders frames again and again hands in functions that
-    remember.
+    Their maps are computed in the `pool`. Callers that render frames repeatedly pass functions
+    that cache.
     """
 
     def source() -> Iterator[Analysed]:
@@ -156,7 +156,7 @@ def spans_of(
         except DamagedInputError as error:
             on_end(error)
             if isinstance(error, ReplacedInputError):
-                raise  # what waits for later keys would lack those that the file had
+                raise  # spans that wait for later keyframes would lack those the file had
 
     def key_map(analysed: Analysed) -> Float32:
         return make_map(analysed.frame, look)
@@ -172,7 +172,7 @@ def spans_of(
         pool,
         find_flow,
     )
-    with suppress(ReplacedInputError):  # told by on_end
+    with suppress(ReplacedInputError):  # reported by on_end
         for span in spans:
             yield span
             if span.frames[-1].index >= run.last:
@@ -187,7 +187,7 @@ def render_span(
     stop: threading.Event,
     look_at: LookAt | None = None,
 ) -> None:
-    """Render the wanted frames of a span and hand each to the sink; see render_frames."""
+    """Render the wanted frames of a span and pass each to the sink; see render_frames."""
     for analysed in span.frames:
         if analysed.index in wanted and not stop.is_set():
             map_small = map_between(span, analysed, look) if look.needs_map else None
@@ -202,7 +202,7 @@ def map_between(
     make_map: MakeMap = make_key_map,
     find_flow: FindFlow = flow_px,
 ) -> Float32:
-    """The map of one frame of a span: a key's own, or made from the keys on either side."""
+    """The map of one frame of a span: a keyframe's own, or blended from those on either side."""
     index = analysed.index
     if index in span.flashes:
         return make_map(analysed.frame, look)
@@ -227,17 +227,16 @@ def render_frames(
     on_planned: Callable[[Sequence[int]], None] = lambda indices: None,
     on_stop: Callable[[], None] = lambda: None,
 ) -> list[DamagedInputError]:
-    """Render the wanted indices (sorted) and hand each to `sink`, called from worker threads.
+    """Render the wanted indices (sorted) and pass each to `sink`, called from worker threads.
 
-    A range may go on beyond the end of a clip that is read once, which has one look.
+    A range may extend beyond the end of a clip that is read once, which has one look.
 
-    `look_at` gives each index its own look: a frame is the one that a clip converted with that look
-    alone would have, so nothing of a shot's own reaches the frames around it. `on_planned` is told,
-    in presentation order, the indices of each span before it is begun: who wants the frames in
-    order knows by it what to wait for. `on_stop` is called when a worker or the decoder has failed,
-    before the workers still running are waited for. Memory is bounded by jobs and the span's
-    length, whatever the clip's. Returns what cut the source short; raises what a worker or the
-    decoder raised, after the running spans ended.
+    `look_at` gives each index its look: a frame is identical to that of a clip converted with this
+    look alone, so a shot's settings do not affect the frames around it. `on_planned` receives, in
+    presentation order, the indices of each span before it is started, so that callers can restore
+    the order. `on_stop` is called when a worker or the decoder has failed, before the workers still
+    running are waited for. Memory is bounded by jobs and the span's length, not the clip's. Returns
+    what cut the source short; raises what a worker or the decoder raised, after running spans end.
     """
     ended: list[DamagedInputError] = []
     stop = threading.Event()
@@ -252,14 +251,14 @@ def render_frames(
         runs = [(whole_run(wanted), look)] if clip.reads_once else None
         for run, own in runs or planned_runs(wanted, look, look_at):
             for span in spans_of(clip, run, own, on_end, pool):
-                # The next span is at hand by now, so no worker waits for more than this loop.
+                # The next span is ready by now, so no worker waits for more than this loop.
                 while len(pending) >= jobs:
                     finished, pending = wait(pending, return_when=FIRST_COMPLETED)
                     for future in finished:
                         future.result()
                 on_planned([a.index for a in span.frames if a.index in run.wanted])
                 pending.add(pool.submit(render_span, span, run.wanted, own, sink, stop, look_at))
-        # A sink may make the others wait for a frame that will not come: the first failure counts.
+        # A sink may make others wait for a frame that will not come: the first failure counts.
         for future in wait(pending, return_when=FIRST_EXCEPTION).done:
             future.result()
     except BaseException:

@@ -1,4 +1,4 @@
-"""A strip of a frame from codes to half floats, by an operator that writes halves itself."""
+"""Converts a strip of a frame from codes to half floats, for operators that write halves."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def expand_in_steps(
     strength: float,
     out: Half,
 ) -> None:
-    """`expand_strip`, each step by a kernel of its own."""
+    """`expand_strip` with a separate kernel for each step."""
     rgb = strip_buffers(rows, frame.size[0])
     linear_light.strip_to_rgb_linear(frame, rows, True, rgb)
     maps, ratio = guidance.rows(rows)
@@ -60,8 +60,8 @@ def expand_strip(
     strength: float,
     out: Half,
 ) -> None:
-    """Some rows of a frame, limited to [0, 1], by the operator: halves into `out` (3, rows, W).
+    """Expand some rows of a frame, clipped to [0, 1]: halves into `out` (3, rows, W).
 
-    Compiled it is one pass over the codes, where their light is a power of them, to the same bytes.
+    The compiled form is one pass over the codes if light is a power of them, with the same bytes.
     """
     expand_in_steps(frame, rows, guidance, operator, context, strength, out)

@@ -1,4 +1,4 @@
-"""How many frames an ASF or WMV file numbers: FFmpeg skips those in damaged packets silently.
+"""Counts the numbered frames of an ASF or WMV file, as FFmpeg silently skips damaged packets.
 
 Advanced Systems Format specification, revision 01.20.03 (sections in brackets).
 """
@@ -20,10 +20,10 @@ _LENGTH_BYTES = (0, 1, 2, 4)  # of a field, by its two-bit type
 
 
 def numbered_frames(path: Path, stream: int) -> int:
-    """How many frames the video stream with this number in the file has, the lost ones included.
+    """The number of frames of the video stream with this number, including lost ones.
 
-    A frame is lost where both the numbers and the times leave a gap; files that were cut and joined
-    leave only one of them. 0 where none is lost, or the file's structure is not understood.
+    A frame is lost if both numbers and times have a gap; files that were cut and joined have only
+    one of them. 0 if none is lost, or if the file's structure is not understood.
     """
     try:
         seen = list(_frames(path, stream))
@@ -39,7 +39,7 @@ def numbered_frames(path: Path, stream: int) -> int:
 
 
 def _frames(path: Path, stream: int) -> Iterator[tuple[int, int, int]]:
-    """Number, presentation time in ms and greatest number of each media object, in file order."""
+    """Number, presentation time in ms and highest number of each media object, in file order."""
     last = -1
     with open_regular(path) as file:
         packet_bytes = _packet_size(file)
@@ -50,11 +50,11 @@ def _frames(path: Path, stream: int) -> Iterator[tuple[int, int, int]]:
                         yield number, time_ms, largest
                     last = number
             except IndexError:
-                continue  # what this packet holds is not known
+                continue  # the content of this packet is unknown
 
 
 def _packet_size(file: BinaryIO) -> int:
-    """Bytes of each data packet, the file at the first one; 0 where they are not all alike."""
+    """The size of data packets, with the file at the first one; 0 if sizes differ."""
     head = file.read(30)
     size = int.from_bytes(head[16:24], "little")
     if head[:16] != _HEADER or not 30 <= size <= _MOST_HEADER_BYTES:
@@ -72,7 +72,7 @@ def _packet_size(file: BinaryIO) -> int:
 
 
 def _objects(packet: bytes, stream: int) -> Iterator[tuple[int, int, int]]:
-    """The media objects of one stream that a data packet (5.2) has parts of."""
+    """The media objects of one stream of which a data packet (5.2) has parts."""
     at = 0
 
     def field(kind: int) -> int:

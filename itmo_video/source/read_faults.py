@@ -1,4 +1,4 @@
-"""Disks that fail while a source is read: where, and what is said of it."""
+"""Disks that fail while a source is read: finds and reports where."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from typing import NamedTuple
 from itmo_video.errors import DamagedInputError, InputError, ReplacedInputError
 from itmo_video.regular_file import open_regular
 
-PROBED_BYTES = 64 << 20  # read behind where packets end, to see whether the disk ended them
+PROBED_BYTES = 64 << 20  # read beyond the last packet, to see whether the disk ended the file
 _BLOCK = 1 << 20
 
 
 class ReadFault(NamedTuple):
-    """A byte of a file that the disk does not give, and the system's words for why."""
+    """The byte of a file at which reading fails, and the system's reason."""
 
     byte: int
     reason: str
@@ -24,7 +24,7 @@ class ReadFault(NamedTuple):
 
 
 def find_fault(path: Path, start: int, most_bytes: int) -> ReadFault | None:
-    """The first byte from `start` on that cannot be read, of `most_bytes`; None for none."""
+    """The first of `most_bytes` from `start` on that cannot be read; None if all can."""
     at, end = start, start + most_bytes
     try:
         with open_regular(path) as file:
@@ -39,29 +39,29 @@ def find_fault(path: Path, start: int, most_bytes: int) -> ReadFault | None:
 
 
 def fault_at_ends(path: Path) -> ReadFault | None:
-    """The first byte that cannot be read at a file's beginning or end, where its headers lie."""
+    """The first unreadable byte at a file's beginning or end, where its headers are."""
     far = max(0, path.stat().st_size - PROBED_BYTES)
     return find_fault(path, 0, PROBED_BYTES) or find_fault(path, far, PROBED_BYTES)
 
 
 class FailingDiskError(DamagedInputError):
-    """The disk failed while the clip was opened, which ends there."""
+    """The disk failed while the clip was opened; the clip ends there."""
 
 
 def ends_at(path: Path, fault: ReadFault) -> FailingDiskError:
-    """What is said of a clip that was known to end at a fault when it was opened."""
+    """The error for a clip that was found to end at a fault when it was opened."""
     return FailingDiskError(
         str(fault),
         where=os.fspath(path),
-        remedy="Copy the file to a disk that can be read; what came before the fault was used.",
+        remedy="Copy the file to a working disk; frames before the fault were used.",
     )
 
 
 def check_readable(path: Path, start: int, most_bytes: int) -> None:
-    """Raise ReplacedInputError where the disk no longer gives what it gave before."""
+    """Raise ReplacedInputError if the disk can no longer read what it read before."""
     if (fault := find_fault(path, max(0, start), most_bytes)) is not None:
         raise ReplacedInputError(
             str(fault),
             where=os.fspath(path),
-            remedy="Copy the file to a disk that can be read, then run the same command again.",
+            remedy="Copy the file to a working disk, then run the same command again.",
         )

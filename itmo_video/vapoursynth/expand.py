@@ -1,4 +1,4 @@
-"""The filter: each frame by its number, from a bounded window of the clip's frames."""
+"""The filter: renders any frame by its number, from a bounded window of the clip's frames."""
 
 from __future__ import annotations
 
@@ -22,20 +22,21 @@ from itmo_video.rendering.frame import Rendered
 from itmo_video.rendering.opencv_threads import single_opencv_thread
 from itmo_video.vapoursynth.node_frames import NodeFrames
 
-_HELD = 3  # spans; VapourSynth asks for frames nearly in order
+_HELD = 3  # spans; VapourSynth requests frames nearly in order
 _PRIMARIES = {"rec709": 1, "rec2020": 9}  # H.273; AP0 and AP1 have no number
 _STALE = ("_Matrix", "_ChromaLocation", "_FieldBased", "_Range", "_Alpha")
 
 
 def expand(clip: Any, preset: str = "default", *, jobs: int | None = None, **settings: Any) -> Any:
-    """SDR clip to linear HDR: frame n is `convert`'s frame n, the same values.
+    """Convert an SDR clip to linear HDR: frame n has the same values as `convert`'s frame n.
 
     `clip` is a VideoNode of integers (YUV, RGB or GRAY, 8 to 16 bits, progressive) of one format.
-    `preset` and `settings` are those of `itmo_video.make_settings`; how the codes are read is told
-    by the frames' properties. Returns a VideoNode in RGBS, linear, 1.0 = SDR white, in the
-    primaries that `primaries` names. `jobs` threads make maps; any frame may be asked for first.
+    `preset` and `settings` are those of `itmo_video.make_settings`; frame properties say how codes
+    are read. Returns a VideoNode in RGBS, linear, 1.0 = SDR white, in the
+    primaries that `primaries` names. `jobs` threads compute maps; frames may be requested
+    in any order.
 
-    Raises UsageError for clips and settings that do not fit, AlreadyHdrError for HDR.
+    Raises UsageError for unsupported clips and settings, AlreadyHdrError for HDR.
     """
     look = make_look(make_settings(preset, **settings))
     frames = NodeFrames(clip, look.settings)
@@ -59,7 +60,7 @@ def expand(clip: Any, preset: str = "default", *, jobs: int | None = None, **set
 
 
 class _Expander:
-    """Rendered frames by number. What was read for one serves those after it."""
+    """Renders frames by number; frames read for one serve those after it."""
 
     def __init__(self, frames: NodeFrames, look: Look, jobs: int) -> None:
         self._frames, self._look = frames, look
@@ -102,7 +103,7 @@ class _Expander:
         raise IndexError(index)  # the clip has no such frame
 
     def _begin(self, index: int) -> None:
-        """Read anew, from where the law says that the window of this frame begins."""
+        """Start reading again, where the window of this frame begins."""
         if self._coming is not None:
             self._coming.close()
         self._held.clear()

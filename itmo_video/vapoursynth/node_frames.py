@@ -1,4 +1,4 @@
-"""A VapourSynth clip as a source of frames: checked, read by its frame properties."""
+"""A VapourSynth clip as a source of frames: validated, read by its frame properties."""
 
 from __future__ import annotations
 
@@ -26,16 +26,16 @@ _HALVED = {(0, 0), (1, 0), (1, 1)}  # 4:4:4, 4:2:2, 4:2:0
 class NodeFrames:
     """A clip's frames by number, as codes. `notices` says what is assumed.
 
-    How codes are read is told by the first frame's properties (`_Matrix`, `_Transfer`, `_Range`,
-    `_Primaries`, `_ChromaLocation`) unless the settings say it.
+    The first frame's properties say how codes are read (`_Matrix`, `_Transfer`, `_Range`,
+    `_Primaries`, `_ChromaLocation`) unless the settings do.
     """
 
     def __init__(self, node: Any, settings: Settings) -> None:
-        """Raises UsageError for clips and settings that do not fit, AlreadyHdrError for HDR."""
+        """Raises UsageError for unsupported clips and settings, AlreadyHdrError for HDR."""
         plain = Settings()
         for name in _OF_FILES:
             if getattr(settings, name) != getattr(plain, name):
-                raise UsageError(f"{name} is not for VapourSynth clips", remedy="Leave it out.")
+                raise UsageError(f"{name} does not apply to VapourSynth clips", remedy="Omit it.")
         _check_format(node)
         self._node = node
         self._rate = Fraction(node.fps) or Fraction(24)  # 0 where it varies
@@ -43,7 +43,7 @@ class NodeFrames:
             self._encoding, self.notices = _encoding(node, dict(first.props), settings)
 
     def frames(self, start: int = 0) -> Iterator[Frame]:
-        """Yield the frames from `start` on, each asked of VapourSynth when it is wanted."""
+        """Yield the frames from `start` on, each requested from VapourSynth when needed."""
         planes = range(self._node.format.num_planes)
         for index in range(start, self._node.num_frames):
             with self._node.get_frame(index) as frame:
@@ -54,16 +54,16 @@ class NodeFrames:
 def _check_format(node: Any) -> None:
     form = node.format
     if form is None or not form.num_planes or not node.width:
-        raise UsageError("its format or size varies", where=WHERE, remedy="Bring it to one first.")
+        raise UsageError("the format or size varies", where=WHERE, remedy="Convert it first.")
     if form.sample_type != vs.INTEGER:
         raise AlreadyHdrError(
-            f"its pixels are floating-point ({form.name})", where=WHERE,
-            remedy="Hand in the codes: core.resize.Bicubic(clip, format=vs.YUV444P16) or RGB48.",
+            f"the pixels are floating-point ({form.name})", where=WHERE,
+            remedy="Pass codes: core.resize.Bicubic(clip, format=vs.YUV444P16) or RGB48.",
         )  # fmt: skip
     if form.bits_per_sample > 16 or (form.subsampling_w, form.subsampling_h) not in _HALVED:
         raise UsageError(
-            f"{form.name} is not read", where=WHERE,
-            remedy="Bring it to 4:2:0, 4:2:2 or 4:4:4 of 16 bits at most by core.resize.",
+            f"{form.name} is not supported", where=WHERE,
+            remedy="Convert it to 4:2:0, 4:2:2 or 4:4:4 with at most 16 bits by core.resize.",
         )  # fmt: skip
 
 
@@ -72,8 +72,8 @@ def _encoding(
 ) -> tuple[Encoding, tuple[str, ...]]:
     if int(props.get("_FieldBased", 0)):
         raise UsageError(
-            "it is interlaced (_FieldBased)", where=WHERE,
-            remedy="Deinterlace it first; where only the mark is wrong, core.std.SetFieldBased.",
+            "the clip is interlaced (_FieldBased)", where=WHERE,
+            remedy="Deinterlace it first; if only the flag is wrong, use core.std.SetFieldBased.",
         )  # fmt: skip
     family = _FAMILIES[int(node.format.color_family)]
     tags = Tags(
@@ -91,7 +91,7 @@ def _encoding(
 
 
 def _range(props: Mapping[str, Any], family: Family) -> int:
-    """FFmpeg's number for the range; VapourSynth's grey is luma, limited unless it is marked."""
+    """FFmpeg's number for the range; VapourSynth's grey is luma, limited unless flagged."""
     if "_Range" in props:
         return 2 if int(props["_Range"]) else 1
     return 1 if family == "grey" else 0
