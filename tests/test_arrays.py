@@ -125,16 +125,16 @@ def test_what_is_no_sdr_picture_is_refused_in_words() -> None:
         (np.zeros((0, 4, 3), np.uint8), UsageError, "is not a picture"),
         (np.zeros((4, 4, 3), np.int32), UsageError, "int32"),
         (ok + np.float32(1.5), AlreadyHdrError, "1.5 times SDR white"),
-        (ok - np.float32(0.1), UsageError, "down to -0.1"),
+        (ok - np.float32(0.1), UsageError, "negative light, -0.1"),
         (ok + np.float32("nan"), UsageError, "not finite"),
     ]:
         with pytest.raises(error, match=words):
             expand(wrong)
     with pytest.raises(UsageError, match="highest code is 1024"):
         expand(np.full((4, 4, 3), 1024, np.uint16), bit_depth=10)
-    with pytest.raises(UsageError, match="does not hold 10 bits"):
+    with pytest.raises(UsageError, match="cannot hold codes of 10 bits"):
         expand(np.zeros((4, 4, 3), np.uint8), bit_depth=10)
-    with pytest.raises(UsageError, match="fps says how files are read"):
+    with pytest.raises(UsageError, match="fps applies to files"):
         expand_frames([], make_settings(fps="25"))  # at the call, not at the first picture
     with pytest.raises(UsageError, match="primaries must be one of"):
         expand_frames([], primaries="rec601")  # type: ignore[arg-type]
@@ -200,7 +200,7 @@ def test_a_result_is_a_mapping_and_says_what_is_not_there(tmp_path: Path) -> Non
     assert (len(result), 2 in result, 4 in result, result.size) == (3, True, False, (96, 64))
     assert result.settings.peak_nits == 600
     assert result.shots == ()
-    with pytest.raises(KeyError, match="frame 4 is not in the folder: it has 1-3"):
+    with pytest.raises(KeyError, match="frame 4 is not in the folder, which has 1-3"):
         result[4]
     (tmp_path / "out" / "clip.0002.exr").write_bytes(b"not whole")
     with pytest.raises(InputError, match="not an intact EXR file"):

@@ -127,13 +127,13 @@ def test_a_worker_that_sees_something_else_says_so(clip: Path, tmp_path: Path) -
     chunk = chunks.Chunk(str(clip), "0", str(tmp_path), SETTINGS, (), RunOptions(frames="1"), (1,))
     with pytest.raises(InputError, match="another file"):
         chunks.make_chunk(chunk)
-    with pytest.raises(InputError, match="does not find"):
+    with pytest.raises(InputError, match="cannot find it"):
         chunks.make_chunk(replace(chunk, source=str(tmp_path / "gone.mkv")))
     with pytest.raises(ClusterError, match="another version"):
         chunks.make_chunk(replace(chunk, algorithm=-1))
     with conversion.open_clip(clip) as opened:
         right = replace(chunk, digest=opened.info.digest)
-    with pytest.raises(OutputError, match="does not find the folder") as caught:
+    with pytest.raises(OutputError, match="cannot find the folder") as caught:
         chunks.make_chunk(right)
     back = pickle.loads(pickle.dumps(caught.value))
     assert (type(back), str(back)) == (OutputError, str(caught.value)), "errors travel, too"
@@ -322,7 +322,7 @@ def test_certificates_are_checked_before_the_work(
     for more, told in (
         (["--scheduler", "tls://127.0.0.1:8786"], "needs certificates"),
         (["--scheduler", "tls://127.0.0.1:8786", *files], "cannot be used"),
-        (["--scheduler", "tcp://127.0.0.1:8786", *files], "for an encrypted scheduler"),
+        (["--scheduler", "tcp://127.0.0.1:8786", *files], "need an encrypted scheduler"),
         (files, "need a scheduler"),
     ):
         assert main([*line, *more]) == 2
