@@ -40,7 +40,15 @@ FILM = """async ([url]) => {%s
     video.muted = true;
     video.src = url;
   });
-  return told(new VideoFrame(video));
+  for (let tries = 0; tries < 3000; tries += 1) { // loaded is not yet shown: its frame comes later
+    try {
+      return await told(new VideoFrame(video));
+    } catch (error) {
+      if (error.name !== "InvalidStateError") throw error;
+    }
+    await new Promise((done) => setTimeout(done, 20));
+  }
+  throw new Error("the film never showed a frame");
 }"""
 BT2020 = {"primaries": "bt2020", "matrix": "bt2020-ncl", "fullRange": False}
 
