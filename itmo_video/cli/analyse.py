@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import os
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -105,6 +106,8 @@ def _metadata(args: argparse.Namespace, run: RunOptions) -> int:
             light, peak = film.light, film.peak_nits
     for kind, gate in gates.items():
         gate.write(as_text(kind(film, mastering(peak))).encode())
+        if not args.quiet:
+            print(f"itmo-video: {gate.path}: {counted(len(film.shots), 'shot')}", file=sys.stderr)
     if args.hdr10:
         print(encoder_options(light, peak), end="")
     return 0

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 EXIT_CODES = (
     ("0", "done"),
-    ("1", "unexpected: a bug in itmo-video"),
+    ("1", "unexpected: a bug in itmo-video; also no memory left, or a lost cluster"),
     ("2", "wrong usage or settings"),
     ("3", "the input cannot be read, or is not a video"),
     ("4", "the input is damaged or truncated; everything else was converted"),

@@ -15,6 +15,7 @@ from itmo_video.model import Frame
 from itmo_video.output.converted import Converted, rgb_of
 from itmo_video.rendering import spans
 from itmo_video.rendering.opencv_threads import single_opencv_thread
+from itmo_video.words import frames_are
 from itmo_video.source.opening import frames_at
 
 
@@ -28,7 +29,7 @@ def from_folder(folder: Converted, clip: Path | None, run: RunOptions) -> Pictur
         asked = parse_ranges(run.frames)
         if outside := sorted(set(asked) - set(numbers)):
             raise UsageError(
-                f"frames {format_ranges(outside)} are not in the folder", where=str(folder.path)
+                f"{frames_are(format_ranges(outside))} not in the folder", where=str(folder.path)
             )
         numbers = sorted(asked)
     source = folder.open_source(clip, run.max_pixels) if clip is not None else None

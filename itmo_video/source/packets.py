@@ -93,7 +93,7 @@ def open_container(path: Path, max_pixels: int) -> Any:
         check_memory(error)
         reason = getattr(error, "strerror", None) or str(error)
         fault = fault_at_ends(path)
-        what = f"is not a readable video ({reason})" if fault is None else str(fault)
+        what = f"not a readable video ({reason})" if fault is None else str(fault)
         raise InputError(what, where=str(path)) from error
 
 

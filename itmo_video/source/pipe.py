@@ -80,7 +80,7 @@ class PipeClip(VideoClip):
             self._open(options)
         except av.FFmpegError as error:
             check_memory(error)
-            what = f"is not a readable video ({error.strerror})"
+            what = f"not a readable video ({error.strerror})"
             raise InputError(what, where=self._where, remedy=_REMEDY) from error
         pictures = self._numbered(options.max_pixels)
         first = next(pictures, None)
