@@ -15,8 +15,8 @@ from itmo_video.model import Frame
 from itmo_video.output.converted import Converted, rgb_of
 from itmo_video.rendering import spans
 from itmo_video.rendering.opencv_threads import single_opencv_thread
-from itmo_video.words import frames_are
 from itmo_video.source.opening import frames_at
+from itmo_video.words import frames_are
 
 
 def from_folder(folder: Converted, clip: Path | None, run: RunOptions) -> Pictures:
