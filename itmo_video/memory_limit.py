@@ -1,4 +1,4 @@
-"""Running under a limit of memory, at which libraries end the process instead of raising."""
+"""Runs the command under a memory limit, at which libraries end the process instead of raising."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ _PASSED_ON = (signal.SIGTERM, signal.SIGINT)
 
 
 def memory_limit() -> int | None:
-    """The bytes that this process may take (ulimit -v, ulimit -d); None if it is not limited."""
+    """The memory limit of this process in bytes (ulimit -v, ulimit -d); None if there is none."""
     try:
         import resource
     except ImportError:  # Windows
@@ -23,9 +23,9 @@ def memory_limit() -> int | None:
 
 
 def check_memory(error: Exception) -> None:
-    """Raise MemoryError if FFmpeg lacked memory, which must not pass for damage or a file's end.
+    """Raise MemoryError if FFmpeg ran out of memory, which must not pass for damage or a file's end.
 
-    Without a limit it is the file that claims more than can be had.
+    Without a limit, the cause is a file that claims more than is available.
     """
     if isinstance(error, MemoryError) and memory_limit() is not None:
         raise MemoryError(str(error)) from error
@@ -50,7 +50,8 @@ def out_of_memory() -> int:
 def guarded(main: Callable[[], int]) -> int:
     """The exit code of `main`; under a limit it runs in a child process.
 
-    So it can be reported if a library ends it: OpenBLAS exits, 1; glibc exits, 127; C++ aborts.
+    This makes it possible to report that a library ended it: OpenBLAS exits with 1, glibc with 127,
+    C++ aborts.
     """
     if memory_limit() is None or not hasattr(signal, "sigwaitinfo"):
         return main()
@@ -76,7 +77,7 @@ def guarded(main: Callable[[], int]) -> int:
 
 
 def _watched(child: int, watched: Iterable[int]) -> int:
-    """The status of the child once it ends; until then it gets the signals meant for it."""
+    """The child's status once it ends; until then, signals are passed on to it."""
     while True:
         told = signal.sigwaitinfo(watched)
         if told.si_signo != signal.SIGCHLD:

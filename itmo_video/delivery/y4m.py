@@ -101,9 +101,9 @@ class Y4mWriter:
         duration_s: Fraction | None = None,
         message: bytes | None = None,
     ) -> None:
-        """Write one frame; raises ReaderLeftError where nobody reads any more.
+        """Write one frame; raises ReaderLeftError if the reader has closed the pipe.
 
-        y4m has no place for times and messages.
+        Y4M cannot hold times and messages.
         """
         for piece in self._spec.frame(planes):
             self._put(piece)

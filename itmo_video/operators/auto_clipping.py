@@ -1,9 +1,8 @@
-"""Where a picture is known to have clipped.
+"""Where a picture certainly clips.
 
-A channel that is at white in some pixels and a code or two below it in others shows that the light
-is about white, not how far above; noise and compression decide which pixel clips. So it is
-determined by the share of clipped among bright pixels around: edges against the dark do not count,
-and no pixel decides alone.
+A channel that is at white in some pixels and a code or two below it in others shows light of about
+white, and noise and compression decide which pixel clips. So it is determined by the share of
+clipped among bright pixels nearby: edges against the dark do not count, and no pixel decides alone.
 """
 
 from __future__ import annotations
@@ -22,7 +21,7 @@ KNOWN_FROM, KNOWN_WHOLLY = 0.1, 0.7  # shares of what is bright around
 
 
 def known_clipped(rgb_linear: Float32) -> Float32:
-    """Where each channel is known to have clipped: float32 (H, W, 3) in [0, 1].
+    """Where each channel has certainly clipped: float32 (H, W, 3) in [0, 1].
 
     By the share of clipped among bright pixels of the channel, so that a single bright pixel of a
     wall is not a lamp, and compression leaves no holes in a white sky; neighbouring places count,
@@ -39,7 +38,7 @@ def known_clipped(rgb_linear: Float32) -> Float32:
 
 
 def share_of(clips: Float32, bright: Float32, sigma: float) -> Float32:
-    """The share of clipped among bright pixels around, for each channel separately."""
+    """The share of clipped among bright pixels nearby, for each channel."""
     around = blurred(bright, sigma) + np.float32(0.02)
     return np.asarray(blurred(clips, sigma) / around, np.float32)
 

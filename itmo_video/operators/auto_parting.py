@@ -1,9 +1,9 @@
-"""How far the channels of clipped places may part from one another.
+"""How far the channels of clipped areas may separate.
 
-A channel that clips alone takes the place's hue with it: an orange sky turns yellow. What did not
-clip around still shows that hue, so a channel may always part until the colour around is restored;
-further only where it is certain that it clips, and no further than the colour itself allows, as
-noise and compression decide which pixel clips. All by averages around, of analysis pictures.
+If one channel clips alone, the hue is lost: an orange sky turns yellow. Unclipped pixels nearby
+still show that hue, so a channel may always rise until the colour nearby is restored; further only
+where it is certain that it clips, and no further than the colour itself allows, as noise and
+compression decide which pixel clips. Everything is an average of the analysis picture.
 """
 
 from __future__ import annotations
@@ -28,17 +28,17 @@ from itmo_video.operators.ramps import ramps
 
 FAR_AROUND_PX = 7.0  # standard deviation
 DECIDED_FROM, DECIDED_WHOLLY = 0.6, 0.95  # shares of what is bright around
-APART_STOPS, APART_POWER = 0.5, 1.5  # that a channel may part where the colour spans a stop
-FREE_FROM, FREE_WHOLLY = 0.87, 1.0  # of white, linear: the second channel around, which then clips
-SHOWN_FROM, SHOWN_WHOLLY = 0.2, 0.5  # of white, linear: bright enough to show its colour
-SHOWN_SHARE = 0.05  # of such pixels around tells the colour
+APART_STOPS, APART_POWER = 0.5, 1.5  # of separation if the colour spans a stop
+FREE_FROM, FREE_WHOLLY = 0.87, 1.0  # of white: the second highest channel nearby, when clipping
+SHOWN_FROM, SHOWN_WHOLLY = 0.2, 0.5  # of white, linear: bright enough to show a colour
+SHOWN_SHARE = 0.05  # of such pixels nearby is enough to know the colour
 LUMINANCE = (0.213, 0.715, 0.072)
-_SMALLER = 4  # what is averaged far around is averaged at this part of the size
+_SMALLER = 4  # wide averages are computed at this fraction of the size
 _TRACE, _DARK = np.float32(1e-3), np.float32(1e-3)
 
 
 def colour_of_bright(rgb_linear: Float32) -> Float32:
-    """The mean of what is bright around, the place's own if nothing is: (H, W, 3)."""
+    """The mean colour of what is bright nearby, or the pixel's own if nothing is: (H, W, 3)."""
     bright = ramps(greatest_of(rgb_linear), NEAR_FROM, NEAR_WHOLLY)
     own = _planes(rgb_linear)
     around = _planes(blurred(_joined([plane * bright for plane in own]), AROUND_PX))
@@ -47,12 +47,12 @@ def colour_of_bright(rgb_linear: Float32) -> Float32:
 
 
 def colour_lost(rgb_linear: Float32, colour: Float32) -> Float32:
-    """Stops that each channel may part until the colour around is restored: (H, W, 3), from 0 on.
+    """Stops by which each channel may rise to restore the colour nearby: (H, W, 3), at least 0.
 
-    The colour around is that of the pixels that are bright but below white, the place's own its
-    `colour_of_bright`: a channel is short by what it has less of over each of the others, the
-    lesser of the two. At most as many stops as the place's own channels span, so that a white sky
-    between green leaves stays white; 0 where all around is clipped or dark.
+    The colour nearby is that of pixels that are bright but below white; the pixel's own is its
+    `colour_of_bright`. A channel lacks the smaller of its deficits relative to the two others, at
+    most as many stops as the pixel's own channels span, so that a white sky between green leaves
+    stays white; 0 where everything nearby is clipped or dark.
     """
     height, width = rgb_linear.shape[:2]
     size = _quarter(width, height)
@@ -73,13 +73,13 @@ def colour_lost(rgb_linear: Float32, colour: Float32) -> Float32:
 
 
 def bounded_parting(levels: Float32, colour: Float32, lost: Float32, peak_stops: float) -> Float32:
-    """Levels of R, G and B that part no further than the colour allows: float32 (H, W, 3).
+    """Levels of R, G and B, separated no further than the colour allows: float32 (H, W, 3).
 
-    Where one channel alone clips, by APART_STOPS times the stops between the greatest and the least
-    of `colour_of_bright` to the power of APART_POWER: a pale sky's blue that clips a little stays
-    that sky's, an orange sky's red is restored; or by what is `lost` if that is more. Where the
-    second channel clips, too, it tells nothing of the colour, and there is no bound. Levels and
-    `lost` are over `peak_stops`, log2 L'max.
+    Where one channel alone clips, by APART_STOPS times the stops between the highest and the lowest
+    channel of `colour_of_bright`, to the power of APART_POWER (a pale sky keeps its blue, while an
+    orange sky's red is restored), or by what is `lost` if that is more. Where the second channel
+    clips, too, the colour is unknown and there is no limit. Levels and `lost` are relative to
+    `peak_stops`, log2 L'max.
     """
     # By planes: NumPy along an axis of three takes ten times as long.
     red, green, blue = _planes(colour)
@@ -99,10 +99,10 @@ def bounded_parting(levels: Float32, colour: Float32, lost: Float32, peak_stops:
 
 
 def decided_together(stops: Float32, rgb_linear: Float32, lost: Float32) -> Float32:
-    """Stops of R, G and B that differ only where it is certain what clips: float32 (H, W, 3).
+    """Stops of R, G and B that differ freely only where it is certain which clip: (H, W, 3).
 
-    Where no channel clips throughout, their luminance-weighted mean is as estimated, and they
-    differ by what is `lost` at most (`colour_lost`, in the unit of `stops`). All are (H, W, 3).
+    Where no channel clips throughout, they keep the estimated luminance-weighted mean and differ by
+    at most what is `lost` (`colour_lost`, in the unit of `stops`). All are (H, W, 3).
     """
     height, width = rgb_linear.shape[:2]
     size = _quarter(width, height)

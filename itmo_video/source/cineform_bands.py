@@ -1,6 +1,6 @@
-"""Whether a CineForm packet is whole: FFmpeg's decoder skips what it does not understand silently.
+"""Checks that a CineForm packet is complete, as FFmpeg's decoder silently skips unknown data.
 
-Where the sizes or numbers of bands are damaged it shows memory that was never written. The layout
+If sizes or numbers of bands are damaged, it shows memory that was never written. The layout
 is that of SMPTE ST 2073-1 (VC-5), with CineForm's own tags.
 """
 
@@ -9,8 +9,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from itertools import pairwise
 
-_ORDER = [1, 2, 3] * 3  # of the highpass bands within their levels; a lowpass band comes first
-_TRAILER = b"\x00\x38\x00\x00"  # tag 56, behind the codes of a band
+_ORDER = [1, 2, 3] * 3  # of the highpass bands within their level; a lowpass band comes first
+_TRAILER = b"\x00\x38\x00\x00"  # tag 56, after the codes of a band
 _END_CODE, _END_BITS = 0x3114BA3, 26  # the last code of a band in codebook 18
 _SKIPPED = range(0x4000, 0x4100)  # tags whose value counts words of private data
 _COEFFICIENTS = 0x0F0F  # value of tag 4 ahead of the lowpass band
@@ -18,12 +18,12 @@ Size = tuple[int, int]  # width, height
 
 
 class _StructureError(ValueError):
-    """The packet is damaged, or of another kind of CineForm."""
+    """The packet is damaged, or another kind of CineForm."""
 
 
 @dataclass
 class _Channel:
-    """A channel's tags as they come: sizes stated last, and what bands there were."""
+    """A channel's tags in order: the latest sizes, and the bands so far."""
 
     lowpass: Size = (0, 0)
     level: Size = (0, 0)
@@ -35,7 +35,7 @@ class _Channel:
 
 
 def is_whole(packet: bytes) -> bool:
-    """Whether all channels of an intra packet have all bands, of sizes that fit together."""
+    """Whether all channels of an intra packet have all bands, with matching sizes."""
     try:
         channels = _channels(packet)
     except _StructureError:
@@ -49,7 +49,7 @@ def is_whole(packet: bytes) -> bool:
 
 
 def _is_pyramid(channel: _Channel) -> bool:
-    """Whether the bands are those of three levels, each of twice the size of the one before."""
+    """Whether the bands are those of three levels, each twice the size of the one before."""
     if [number for number, _ in channel.bands] != list(range(10)) or channel.order != _ORDER:
         return False
     sizes = [size for _, size in channel.bands]
@@ -67,7 +67,7 @@ def _is_pyramid(channel: _Channel) -> bool:
 
 
 def _channels(packet: bytes) -> list[_Channel]:
-    """The channels by walking tags and values, of 16 bits each; codes of bands are passed over."""
+    """The channels, found by walking tags and values of 16 bits each; band codes are skipped."""
     channels, at, codebook = [_Channel()], 0, 0
     while at + 4 <= len(packet):
         tag = int.from_bytes(packet[at : at + 2], "big", signed=True)
@@ -110,12 +110,12 @@ def _channels(packet: bytes) -> list[_Channel]:
             at = _behind_codes(packet, at, codebook)
             codebook = 0
     if at > len(packet):
-        raise _StructureError("it is cut short")
+        raise _StructureError("truncated")
     return channels
 
 
 def _behind_codes(packet: bytes, start: int, codebook: int) -> int:
-    """Where the trailer is that follows the codes of a band."""
+    """The position of the trailer that follows the codes of a band."""
     at = packet.find(_TRAILER, start)
     while at >= 0:
         if (at - start) % 4 == 0 and (not codebook or _ends(packet[max(start, at - 8) : at])):
@@ -125,7 +125,7 @@ def _behind_codes(packet: bytes, start: int, codebook: int) -> int:
 
 
 def _ends(codes: bytes) -> bool:
-    """Whether codes end with the last code of codebook 18, filled up with zeros to 32 bits."""
+    """Whether codes end with the last code of codebook 18, padded with zeros to 32 bits."""
     tail = int.from_bytes(codes, "big")
     if not tail:
         return False

@@ -66,9 +66,9 @@ class Decoder:
                     return
 
     def _as_scanned(self, packets: Iterator[Any]) -> Iterator[Any]:
-        """The packets as they are; raises ReplacedInputError where a disk fails only now.
+        """The packets as stored; raises ReplacedInputError if a disk fails only now.
 
-        Demuxers may take that for the file's end, and give out what they have of a packet.
+        Demuxers may take that for the file's end, and return an incomplete packet.
         """
         at, end = 0, 0
         for packet in packets:
@@ -85,7 +85,7 @@ class Decoder:
     def _without_broken(
         self, packets: Iterator[Any], on_error: Callable[[Any], bool]
     ) -> Iterator[Any]:
-        """The packets whose structure is whole, up to one for which `on_error` returns true."""
+        """The packets with a complete structure, up to one for which `on_error` returns true."""
         for packet in packets:
             if packet.size and packet.pts in (self.packets.broken or ()):
                 if on_error(packet):
