@@ -23,7 +23,7 @@ def memory_limit() -> int | None:
 
 
 def check_memory(error: Exception) -> None:
-    """Raise MemoryError if FFmpeg ran out of memory, which must not pass for damage or a file's end.
+    """Raise MemoryError if FFmpeg ran out of memory, which must not pass for damage or an end.
 
     Without a limit, the cause is a file that claims more than is available.
     """
