@@ -24,7 +24,7 @@ from itmo_video.kernels import compiled_auto
 from itmo_video.kernels.dispatch import with_compiled_form
 from itmo_video.model import Float32, Half
 from itmo_video.operators.auto_clipping import known_clipped
-from itmo_video.operators.auto_levels import certainty, expected_levels, level_shares
+from itmo_video.operators.auto_levels import certainty, expected_levels, level_shares, mean_stops
 from itmo_video.operators.auto_parting import (
     bounded_parting,
     colour_lost,
@@ -32,6 +32,7 @@ from itmo_video.operators.auto_parting import (
     decided_together,
 )
 from itmo_video.operators.auto_rendering import GREATEST_WEIGHT, curve_weight, rendering_of
+from itmo_video.operators.auto_self_test import self_test
 from itmo_video.operators.base import Context, Guard, Parameter
 from itmo_video.operators.luminance_operator import weighed
 from itmo_video.operators.photographic import gain_banterle2006
@@ -77,7 +78,9 @@ def map_auto(rgb_linear: Float32, context: Context, wrap_x: bool = False) -> Flo
     clipped = np.ascontiguousarray(known.max(-1)[:, pad : pad + width])
     sure = context.recall("certainty", lambda: certainty(shares, clipped, wrap_x))
     trusted = LEAST_TRUST + (1 - LEAST_TRUST) * ramp(sure, UNSURE, SURE)
-    maps[..., :3] *= np.float32(rendering.caution * trusted)
+    stops = mean_stops(shares, clipped, wrap_x)
+    tested = context.recall("self_test", lambda: self_test(rgb_linear, stops, wrap_x))
+    maps[..., :3] *= np.float32(rendering.caution * trusted * tested)
     weight = curve_weight(wide, rendering, context.lamps)
     maps[..., 3] = weight[:, pad : pad + width]
     return maps

@@ -110,16 +110,33 @@ def certainty(shares: Float32, clipped: Float32, wrap_x: bool = False) -> float:
     minus the sum of s * (1 - s) over that of s, the channels' mean shares of the levels up to
     CERTAIN_STOPS, weighted by their widths and by `clipped`, (H, W) in [0, 1].
     """
+    seen, weight, widths = _where_clipped(shares, clipped, wrap_x)
+    by_level = np.einsum("hw,khw->k", weight, seen)
+    unsure = np.einsum("hw,khw->k", weight, seen * (1 - seen))
+    total = float(widths @ by_level)
+    return 1 - float(widths @ unsure) / total if total > 0 else 1.0
+
+
+def mean_stops(shares: Float32, clipped: Float32, wrap_x: bool = False) -> float:
+    """Expected log2 of what has clipped, up to CERTAIN_STOPS; 0 where nothing has.
+
+    The mean of the channels and of all places weighed by `clipped`, as in `certainty`.
+    """
+    seen, weight, widths = _where_clipped(shares, clipped, wrap_x)
+    total = float(widths @ np.einsum("hw,khw->k", weight, seen))
+    return total / max(float(weight.sum()), 1e-6)
+
+
+def _where_clipped(
+    shares: Float32, clipped: Float32, wrap_x: bool
+) -> tuple[Float32, Float32, Float32]:
+    """The channels' mean shares (levels, h, w), how far each place clipped, the levels' widths."""
     height, width = _seen_size(*clipped.shape)
     left = WRAP_PX // 2 if wrap_x else 0
     seen = shares[:, :, : max(1, height // 2), left : left + max(1, width // 2)].mean(0)
     weight = cv2.resize(clipped, (seen.shape[2], seen.shape[1]), interpolation=cv2.INTER_AREA)
     weight = np.asarray(weight, np.float32).reshape(seen.shape[1:])
-    widths = np.diff(np.minimum(EDGES_STOPS, CERTAIN_STOPS)).astype(np.float32)
-    by_level = np.einsum("hw,khw->k", weight, seen)
-    unsure = np.einsum("hw,khw->k", weight, seen * (1 - seen))
-    total = float(widths @ by_level)
-    return 1 - float(widths @ unsure) / total if total > 0 else 1.0
+    return seen, weight, np.diff(np.minimum(EDGES_STOPS, CERTAIN_STOPS)).astype(np.float32)
 
 
 def _seen_size(height: int, width: int) -> tuple[int, int]:

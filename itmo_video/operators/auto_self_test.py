@@ -1,0 +1,60 @@
+"""What the network tells of light that is still there: how far it can be trusted on a picture.
+
+The picture is clipped once more, at TEST_WHITE. What lies between there and white is then lost to
+the network, too, but known to us: all that is at white must come out brighter. Where the network
+does not tell the two apart (large pale skies and walls that are hardly brighter than white), what
+it says of light above white is not worth much, either.
+"""
+
+from __future__ import annotations
+
+import math
+
+import cv2
+import numpy as np
+
+from itmo_video.colour.luminance import greatest_of
+from itmo_video.model import Float32
+from itmo_video.operators.auto_clipping import CLIPS_FROM, CLIPS_WHOLLY
+from itmo_video.operators.auto_levels import expected_levels, level_shares
+from itmo_video.operators.ramps import ramp, ramps
+
+TEST_WHITE = 0.4  # of white, linear
+TEST_WIDTH_PX = 240  # of the picture for the test
+BETWEEN_FROM = 1.1  # times TEST_WHITE: what lies between from here on
+# The test counts where this share of the picture lies between; where most does, it would be
+# another picture.
+FEW, ENOUGH, MANY, MOST = 0.01, 0.04, 0.5, 0.8
+FAILED_STOPS, PASSED_STOPS = 0.15, 0.25  # by which white comes out brighter
+LEAST_PASSED = 0.6
+# Only where it says itself that what clipped is hardly above white, so that SDR is near the truth.
+LITTLE_STOPS, MUCH_STOPS = 0.3, 0.45
+
+
+def self_test(rgb_linear: Float32, mean_stops: float, wrap_x: bool = False) -> float:
+    """What is kept of the network's stops for a picture: LEAST_PASSED to 1.
+
+    `rgb_linear` is the picture at analysis size, float32 (H, W, 3) in [0, 1]; `mean_stops` what the
+    network says of it (`auto_levels.mean_stops`); `wrap_x` for a panorama.
+    """
+    little = 1 - ramp(mean_stops, LITTLE_STOPS, MUCH_STOPS)
+    if little == 0:
+        return 1.0
+    height, width = rgb_linear.shape[:2]
+    if width > TEST_WIDTH_PX:
+        size = TEST_WIDTH_PX, max(1, round(height * TEST_WIDTH_PX / width))
+        small = cv2.resize(rgb_linear, size, interpolation=cv2.INTER_AREA)
+        rgb_linear = np.asarray(small, np.float32).reshape(*size[::-1], 3)
+    greatest = greatest_of(rgb_linear)
+    white = ramps(greatest, CLIPS_FROM, CLIPS_WHOLLY)
+    between = ramps(greatest, TEST_WHITE, TEST_WHITE * BETWEEN_FROM) * (1 - white)
+    share = float(between.mean())
+    counts = ramp(share, FEW, ENOUGH) * (1 - ramp(share, MANY, MOST))
+    if counts == 0 or not white.any():
+        return 1.0
+    shares = level_shares(np.minimum(rgb_linear * np.float32(1 / TEST_WHITE), 1), wrap_x)
+    levels = greatest_of(expected_levels(shares, greatest.shape, 1 / TEST_WHITE, wrap_x))
+    stops = levels * np.float32(math.log2(1 / TEST_WHITE))
+    apart_stops = float(np.average(stops, weights=white) - np.average(stops, weights=between))
+    failed = 1 - ramp(apart_stops, FAILED_STOPS, PASSED_STOPS)
+    return 1 - (1 - LEAST_PASSED) * little * counts * failed
