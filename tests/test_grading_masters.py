@@ -174,10 +174,23 @@ def test_what_does_not_go_together_is_told(
     assert not list(tmp_path.iterdir())
 
 
-def test_small_pictures_are_no_dnxhr(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    small = write_ffv1(tmp_path / "s.mkv", moving_scene(1, width=512, height=64))
-    assert main(["preview", str(small), str(tmp_path / "a.mov"), "--codec", "dnxhr"]) == 2
-    assert "too small for DNxHR" in capsys.readouterr().err
+@pytest.mark.parametrize(
+    ("size", "name", "flags", "words"),
+    [
+        ((512, 64), "a.mov", ["--codec", "dnxhr"], "too small for DNxHR"),
+        ((512, 24), "a.mp4", [], "too small for AV1"),  # SVT-AV1 would never end
+        ((512, 24), "a.avif", ["--frame", "1"], "too small for AVIF"),
+        ((1, 1), "a.avif", ["--frame", "1"], "too small for AVIF"),
+    ],
+)
+def test_pictures_too_small_for_an_encoder(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], size: tuple[int, int], name: str,
+    flags: list[str], words: str,
+) -> None:  # fmt: skip
+    small = write_ffv1(tmp_path / "s.mkv", moving_scene(1, width=size[0], height=size[1]))
+    assert main(["preview", str(small), str(tmp_path / name), *flags]) == 2
+    assert words in capsys.readouterr().err
+    assert not (tmp_path / name).exists()
 
 
 @pytest.mark.parametrize(("codec", "size"), [("hevc", (14, 14)), ("av1", (64, 2))])

@@ -10,9 +10,10 @@ import av
 import numpy as np
 
 from itmo_video.delivery import metadata
-from itmo_video.delivery.film_spec import DEFAULT_CRF, DEFAULT_SPEED, FilmSpec, Signal
+from itmo_video.delivery.film_spec import AV1_LEAST, DEFAULT_CRF, DEFAULT_SPEED, FilmSpec, Signal
 from itmo_video.delivery.hdr import Codes10, YCbCr
 from itmo_video.delivery.svt_av1 import svt_as_guest
+from itmo_video.errors import UsageError
 
 ENCODERS: dict[str, str] = {
     "av1": "libsvtav1", "hevc": "libx265", "prores": "prores_ks", "prores4444": "prores_ks",
@@ -30,9 +31,17 @@ _CHROMA_SITED_LEFT = "chroma-sample-position=left"  # SVT-AV1's; hdr.py filters 
 
 
 def encode_avif(planes: YCbCr, crf: float, signal: Signal = "pq") -> bytes:
-    """A 10-bit BT.2020 AVIF still, PQ or HLG, 4:2:0, by the encoder used for films."""
+    """A 10-bit BT.2020 AVIF still, PQ or HLG, 4:2:0, by the encoder used for films.
+
+    UsageError for pictures that are too small for that encoder.
+    """
     target = io.BytesIO()
     height, width = planes[0].shape
+    if min(width, height) < AV1_LEAST:
+        raise UsageError(
+            f"{width}x{height} is too small for AVIF: at least {AV1_LEAST}x{AV1_LEAST} is needed",
+            remedy="Write a .png.",
+        )
     with av.open(target, "w", format="avif") as box:
         stream: Any = box.add_stream(
             "libsvtav1",

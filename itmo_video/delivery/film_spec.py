@@ -22,7 +22,8 @@ MASTERS: dict[str, tuple[Chroma, ...]] = {  # for grading: intraframe, fixed qua
 }
 KEEPS_ALPHA = "prores4444"  # FFmpeg's DNxHR has none
 _NAMES = {"prores": "ProRes 422 HQ", "prores4444": "ProRes 4444", "dnxhr": "DNxHR"}
-_LEAST = {"dnxhr": (256, 120), "hevc": (16, 16), "av1": (4, 4)}  # the encoders' minimum sizes
+AV1_LEAST = 32  # SVT-AV1 takes 4, but with one side up to 24 and the other above 64 it never ends
+_LEAST = {"dnxhr": (256, 120), "hevc": (16, 16), "av1": (AV1_LEAST, AV1_LEAST)}  # the encoders'
 
 MUXERS = {".mp4": "mp4", ".m4v": "mp4", ".mov": "mov", ".mkv": "matroska"}
 DEFAULT_CRF: dict[str, int] = {"av1": 25, "hevc": 18}
