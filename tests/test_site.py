@@ -196,6 +196,8 @@ def test_the_reference_has_all_commands_flags_and_no_empty_row(site: Path) -> No
             assert flag.help, (command.name, flag.names)
     for path in (site.parent / "docs/reference").glob("*.md"):
         assert path.read_text("utf-8").count("\n") > 10, path
+    for path in (site / "reference").glob("*.html"):
+        assert "\\|" not in path.read_text("utf-8"), path
 
 
 def test_the_reference_in_the_repository_is_current() -> None:

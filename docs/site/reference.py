@@ -72,11 +72,11 @@ def settings() -> str:
     ]
     for title, is_look in (("The look", True), ("The clip and its files", False)):
         rows = [
-            (f"`{flag_of(f)}`", _values(spec_of(f)), _default(defaults[f.name]), _help(spec_of(f)))
+            (f"`{flag_of(f)}`", _help(spec_of(f)), _values(spec_of(f)), _default(defaults[f.name]))
             for f in dataclasses.fields(Settings)
             if (f.name in LOOK) == is_look
         ]
-        parts += [f"## {title}", _table(("setting", "values", "default", ""), rows)]
+        parts += [f"## {title}", _table(("setting", "meaning", "values", "default"), rows)]
     return _page(parts)
 
 
@@ -103,11 +103,11 @@ def operators() -> str:
         parts += [f"## {operator.name}", f"{_escaped(operator.summary)}.".replace("..", ".")]
         parts.append(f"Source: {_escaped(operator.source)}")
         rows = [
-            (f"`{name}`", f"{p.default:g}", f"{p.lower:g} to {p.upper:g}", _escaped(p.help))
+            (f"`{name}`", _escaped(p.help), f"{p.default:g}", f"{p.lower:g} to {p.upper:g}")
             for name, p in operator.parameters.items()
         ]
         if rows:
-            parts.append(_table(("parameter", "default", "bounds", ""), rows))
+            parts.append(_table(("parameter", "meaning", "default", "bounds"), rows))
     return _page(parts)
 
 
@@ -137,11 +137,13 @@ def exr_attributes() -> str:
             "# EXR attributes",
             "Half-float scan-line files. 1.0 is SDR diffuse white; `R`, `G`, `B` are linear light.",
             "## Header",
-            _table(("attribute", ""), ((f"`{n}`", _escaped(t)) for n, t in ATTRIBUTES.items())),
-            "## Channels of the layers",
-            "Asked for by `--layers`.",
             _table(
-                ("layer", "channel", ""),
+                ("attribute", "meaning"), ((f"`{n}`", _escaped(t)) for n, t in ATTRIBUTES.items())
+            ),
+            "## Channels of the layers",
+            "Requested by `--layers`.",
+            _table(
+                ("layer", "channel", "meaning"),
                 ((f"`{n.split('.')[0]}`", f"`{n}`", t) for n, t in LAYER_CHANNELS.items()),
             ),
         ]
@@ -152,9 +154,9 @@ def event_lines() -> str:
     """What `--json` prints and `on_event` is called with."""
     parts = [
         "# Events",
-        "`convert` and `preview` report what they do as events: one line of JSON each with "
-        "`--json`, a dataclass each for `on_event` in Python. A value that a command does not "
-        "know is left out of the JSON.",
+        "`convert` and `preview` report events: with `--json` as one line of JSON each, in Python "
+        "as a dataclass passed to `on_event`. Values that a command does not know are omitted "
+        "from the JSON.",
     ]
     for kind in (events.Started, events.FrameDone, events.Warned, events.Finished):
         rows = [(f"`{f.name}`", f"`{f.type}`") for f in dataclasses.fields(kind)]
@@ -239,7 +241,7 @@ def _row_of_command(command: Command) -> tuple[str, str]:
 def _flag_rows(command: Command) -> Iterable[tuple[str, str]]:
     for flag in command.flags:
         names = ", ".join(f"`{n}`" for n in flag.names)
-        value = f" `{flag.metavar}`".replace("|", "\\|") if flag.metavar else ""
+        value = f" {_code(flag.metavar)}" if flag.metavar else ""
         yield names + value, _escaped(flag.help)
 
 
@@ -267,11 +269,18 @@ def _escaped(text: str) -> str:
     """Plain text as Markdown: what would be markup is not; code between backticks stays."""
     parts = re.split(r"(`[^`]*`)", text)
     return "".join(
-        part.replace("|", "\\|")
+        _code(part[1:-1])
         if n % 2
         else re.sub(r"([|*_\[\]])", r"\\\1", html.escape(part, quote=False))
         for n, part in enumerate(parts)
     )
+
+
+def _code(text: str) -> str:
+    """Code in a cell of a table, where a bar must not end it."""
+    if "|" not in text:
+        return f"`{text}`"
+    return f"<code>{html.escape(text, quote=False).replace('|', '&#124;')}</code>"
 
 
 def _table(heads: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
