@@ -277,4 +277,6 @@ class Desk:
             return
         with self._lock:
             self.history.analysed(found)
+            if self.other is not None:
+                self.other = documents.with_analysis(self.other, found)
             self.version += 1

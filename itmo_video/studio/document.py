@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -55,6 +56,12 @@ class Document:
         """The shots, in order."""
         return self.analysis.shots if self.analysis else ()
 
+    @property
+    def layout(self) -> str:
+        """A key of where the shots begin and end: only with it does a place name one shot."""
+        bounds = " ".join(f"{shot.first}-{shot.last}" for shot in self.shots)
+        return hashlib.blake2b(bounds.encode(), digest_size=8).hexdigest()
+
     def own_looks(self, info: ClipInfo) -> tuple[ShotLook, ...]:
         """The shots with settings of their own, in the form that a conversion takes."""
         if "_own" not in self.__dict__:
@@ -81,6 +88,15 @@ class Document:
                 "the clip is still being analysed", remedy="Wait until its cuts are found."
             )
         return replace(self, analysis=replace(self.analysis, shots=tuple(shots)))
+
+
+def check_layout(document: Document, layout: object) -> None:
+    """Raise UsageError if an edit names a shot among others than the present ones."""
+    if layout != document.layout:
+        raise UsageError(
+            "the shots have changed meanwhile, and nothing was set",
+            remedy="Look at them as they are now, and set it again.",
+        )
 
 
 def with_preset(
@@ -131,6 +147,11 @@ def set_values(document: Document, values: Mapping[str, Any], shot: int | None) 
     check_own(own)
     shots[shot] = replace(shots[shot], own=own)
     return document.with_shots(shots)
+
+
+def with_analysis(document: Document, analysis: Analysis) -> Document:
+    """A copy with the analysed shots, unless it has shots already."""
+    return document if document.analysis else replace(document, analysis=analysis)
 
 
 def split(document: Document, at: int) -> Document:
@@ -225,10 +246,6 @@ class History:
 
     def analysed(self, analysis: Analysis) -> None:
         """Add the analysed shots to all steps made before the analysis."""
-
-        def known(document: Document) -> Document:
-            return document if document.analysis else replace(document, analysis=analysis)
-
-        self._past = [known(document) for document in self._past]
-        self._future = [known(document) for document in self._future]
-        self.now = known(self.now)
+        self._past = [with_analysis(document, analysis) for document in self._past]
+        self._future = [with_analysis(document, analysis) for document in self._future]
+        self.now = with_analysis(self.now, analysis)

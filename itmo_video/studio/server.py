@@ -132,7 +132,7 @@ class _Api:
             desk.swap()
         else:
             gesture = asked.get("gesture")
-            change = self._change(str(do), asked)
+            change = _of_layout(self._change(str(do), asked), asked)
             await asyncio.to_thread(desk.edit, change, None if gesture is None else str(gesture))
         return _json(state.state(desk))
 
@@ -171,6 +171,19 @@ class _Api:
         if do == "enable":
             return partial(documents.enable, shot=asking.whole(shot), on=asked.get("on") is True)
         raise UsageError(f"unknown action {do!r}")
+
+
+def _of_layout(
+    change: Callable[[Document], Document], asked: dict[str, Any]
+) -> Callable[[Document], Document]:
+    """The change, refused if it names a shot of a layout that is past."""
+
+    def checked(document: Document) -> Document:
+        if asked.get("shot") is not None and "layout" in asked:
+            documents.check_layout(document, asked["layout"])
+        return change(document)
+
+    return checked
 
 
 def _told(answer: Answer) -> Answer:

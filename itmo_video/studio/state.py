@@ -101,6 +101,7 @@ def _document(desk: Desk, document: Document) -> dict[str, Any]:
         "source": document.source_key(-1, desk.info),  # of frames in no shot
         "l_max": settings.l_max_effective,
         "peak_nits": settings.l_max_effective * settings.white_nits,
+        "layout": document.layout,
         "shots": [
             {
                 "first": shot.first,

@@ -18,6 +18,7 @@ from clips import moving_scene, write_ffv1
 from starlette.testclient import TestClient
 
 from itmo_video import make_settings
+from itmo_video.analysis.analyse import analyse
 from itmo_video.conversion.convert import convert
 from itmo_video.conversion.run_options import RunOptions
 from itmo_video.errors import UsageError
@@ -102,6 +103,38 @@ def test_a_and_b(client: TestClient) -> None:
     assert picture(client, index=3).max() > before.max()
     edit(client, "swap")
     assert np.array_equal(picture(client, index=3), before)
+
+
+def test_b_kept_before_the_cuts_are_found_has_shots(
+    clip: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    go = threading.Event()
+
+    def later(*args: Any, **more: Any) -> Any:
+        assert go.wait(60)
+        return analyse(*args, **more)
+
+    monkeypatch.setattr("itmo_video.studio.desk.analyse", later)
+    with Desk(clip, Document("default"), tmp_path) as desk:
+        client = TestClient(make_app(desk, TOKEN, PORT), base_url=f"{BASE}/{TOKEN}/")
+        edit(client, "keep_other")
+        go.set()
+        shots = analysed(client)["document"]["shots"]
+        assert edit(client, "swap")["document"]["shots"] == shots
+
+
+def test_an_edit_names_a_shot_among_those_that_it_saw(client: TestClient) -> None:
+    before = analysed(client)["document"]["layout"]
+    split = edit(client, "split", at=11)["document"]["layout"]
+    for do, more in (("set", {"values": {"strength": 0.3}}), ("preset", {"preset": "paper"}),
+                     ("merge", {}), ("enable", {"on": False})):  # fmt: skip
+        asked = {"do": do, "shot": 1, **more}
+        stale = client.post("api/edit", json={**asked, "layout": before})
+        assert stale.status_code == 422, do
+        assert "shots have changed" in stale.json()["error"]
+        assert client.post("api/edit", json={**asked, "layout": split}).status_code == 200, do
+        edit(client, "undo")
+    assert client.get("api/state").json()["document"]["layout"] == split
 
 
 def test_variants_do_not_change_the_document(client: TestClient) -> None:

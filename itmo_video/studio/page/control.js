@@ -35,22 +35,29 @@ function numeric(spec, onSet, id) {
   range.setAttribute("aria-hidden", "true");
   const number = make("input", { type: "number", id, step: spec.kind === "int" ? 1 : "any",
     min: spec.lower ?? "", max: spec.upper ?? "" });
-  range.addEventListener("input", () => { number.value = from(Number(range.value)); onSet(Number(number.value), true); });
-  range.addEventListener("change", () => onSet(Number(number.value), false));
-  const send = () => {
-    if (number.value === "") onSet(null, false);
-    else if (number.validity.valid) onSet(Number(number.value), false);
-    else number.reportValidity();
-  };
-  number.addEventListener("change", send);
+  // While it is dragged or typed in, the state does not set it back.
+  let isDragged = false, isTyped = false;
+  range.addEventListener("input", () => {
+    isDragged = true;
+    number.value = from(Number(range.value));
+    onSet(Number(number.value), true);
+  });
+  range.addEventListener("change", () => { isDragged = false; onSet(Number(number.value), false); });
+  number.addEventListener("input", () => { isTyped = true; });
+  number.addEventListener("change", () => {
+    if (!number.validity.valid) { number.reportValidity(); return; }
+    isTyped = false;
+    onSet(number.value === "" ? null : Number(number.value), false);
+  });
+  number.addEventListener("blur", () => { isTyped = false; });
   // Enter accepts the value and returns the keys to the studio; Tab continues from here.
   number.addEventListener("keydown", (e) => { if (e.key === "Enter") number.blur(); });
   return {
     parts: [range, number],
     update: ({ value, derived, disabled }) => {
       const shown = value ?? derived;
-      if (document.activeElement !== range) range.value = shown === undefined ? 0 : to(shown);
-      if (document.activeElement !== number || !number.matches(":focus-visible"))
+      if (!isDragged) range.value = shown === undefined ? 0 : to(shown);
+      if (!isTyped && !isDragged)
         number.value = value === null ? "" : Number(Number(value).toPrecision(6));
       number.placeholder = value === null && derived !== undefined ? Number(derived.toPrecision(4)) : "";
       range.disabled = number.disabled = disabled;
@@ -72,9 +79,11 @@ function choice(spec, onSet, id) {
 
 function words(spec, onSet, id) {
   const input = make("input", { id, spellcheck: false });
-  input.addEventListener("change", () => onSet(input.value || null, false));
+  let isTyped = false;
+  input.addEventListener("input", () => { isTyped = true; });
+  input.addEventListener("change", () => { isTyped = false; onSet(input.value || null, false); });
   return { parts: [input], update: ({ value, disabled }) => {
-    if (document.activeElement !== input) input.value = value ?? "";
+    if (!isTyped) input.value = value ?? "";
     input.disabled = disabled;
   } };
 }

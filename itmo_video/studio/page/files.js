@@ -1,6 +1,7 @@
 // Saving, the command to copy, and the render, which continues when the page is closed.
 
 import { post } from "./api.js";
+import { committed } from "./edits.js";
 import { failed, on, refresh, S, take, told } from "./store.js";
 
 const byId = (id) => document.getElementById(id);
@@ -14,6 +15,8 @@ function says(text, isError = false) {
 
 async function save(kind, replace = false) {
   const name = byId(`${kind}-name`).value.trim();
+  says("");
+  await committed();
   try {
     const { path, state, exists } = await post("api/save", { kind, name, replace });
     if (exists) return window.confirm(exists) ? save(kind, true) : false;
@@ -32,6 +35,7 @@ export async function saveAll() {
 }
 
 async function render(kind) {
+  await committed();
   try {
     take(await post("api/render", { kind, name: byId("render-name").value.trim() }));
     follow();
@@ -75,6 +79,19 @@ export function follow() {
   }, 400);
 }
 
+// A name's button, also by Enter; what was said of the name before it was changed is past.
+function onName(kind, act, button) {
+  const field = byId(`${kind}-name`);
+  button.addEventListener("click", act);
+  field.addEventListener("keydown", (e) => { if (e.key === "Enter") act(); });
+  field.addEventListener("input", () => says(""));
+}
+
+export function showFiles() {
+  says("");
+  byId("files").showModal();
+}
+
 export function openFiles() {
   const { suggested } = S.about;
   byId("preset-name").value = suggested;
@@ -82,7 +99,7 @@ export function openFiles() {
   byId("render-name").value = `${suggested}_hdr`;
   byId("folder").textContent = S.about.folder;
   for (const kind of ["preset", "shots"])
-    byId(`save-${kind}`).addEventListener("click", () => save(kind));
+    onName(kind, () => save(kind), byId(`save-${kind}`));
   byId("copy").addEventListener("click", async () => {
     try {
       await navigator.clipboard.writeText(S.state.command);
@@ -97,10 +114,7 @@ export function openFiles() {
   byId("render-cancel").addEventListener("click", async () => {
     try { take(await post("api/render", { do: "cancel" })); } catch (error) { failed(error); }
   });
-  byId("open-files").addEventListener("click", () => {
-    byId("save-says").textContent = "";
-    byId("files").showModal();
-  });
+  byId("open-files").addEventListener("click", showFiles);
   byId("files-close").addEventListener("click", () => byId("files").close());
   on("state", update);
   update();

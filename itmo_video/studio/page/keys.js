@@ -1,9 +1,10 @@
 // The keyboard: every action with its keys and its description, as shown in the help.
 
-import { saveAll } from "./files.js";
+import { committed, edit } from "./edits.js";
+import { saveAll, showFiles } from "./files.js";
 import { resetAll } from "./settings.js";
 import { divide, go } from "./stage.js";
-import { edit, S, told } from "./store.js";
+import { S, told } from "./store.js";
 import { cut, markLoop, mergeHere, splitHere, switchHere } from "./timeline.js";
 import { loopHere, pause, shuttle, toggle } from "./transport.js";
 import { showVariants } from "./variants.js";
@@ -11,7 +12,9 @@ import { compare, compared, expose, flip, nextScope, setView, showStill, tone, V
 
 const byId = (id) => document.getElementById(id);
 const step = (by) => { pause(); go(S.index + by); };
-const keepB = () => { edit({ do: "keep_other" }); told("The current settings are kept as B."); };
+const keepB = async () => {
+  if (await edit({ do: "keep_other" })) told("The current settings are kept as B.");
+};
 
 // [keys, description, action]; keys as the browser names them, prefixed with Ctrl+ and Shift+.
 const KEYS = [
@@ -50,7 +53,7 @@ const KEYS = [
     [["Ctrl+y", "Ctrl+Shift+Z"], "redo", () => edit({ do: "redo" })],
     [["Ctrl+Backspace"], "reset all", resetAll],
     [["Ctrl+s"], "save preset and shot list", saveAll],
-    [["r"], "save and render …", () => byId("files").showModal()],
+    [["r"], "save and render …", showFiles],
     [["?"], "this help", () => byId("help").showModal()]]],
 ];
 const NAMES = { " ": "Space", ArrowRight: "→", ArrowLeft: "←", ArrowUp: "↑", ArrowDown: "↓" };
@@ -59,20 +62,28 @@ const BY_KEY = new Map(KEYS.flatMap(([, rows]) =>
 
 function spelled(e) {
   const isLetter = e.key.length > 1 || /[a-z]/i.test(e.key);
-  return `${e.ctrlKey || e.metaKey ? "Ctrl+" : ""}${e.shiftKey && isLetter ? "Shift+" : ""}${e.key}`;
+  // By Shift alone: Caps Lock turns letters round.
+  const key = e.key.length > 1 ? e.key : e.shiftKey ? e.key.toUpperCase() : e.key.toLowerCase();
+  return `${e.ctrlKey || e.metaKey ? "Ctrl+" : ""}${e.shiftKey && isLetter ? "Shift+" : ""}${key}`;
 }
 
-function pressed(e) {
+// In a field the browser has the keys, those of editing as well; Ctrl+S saves from there, too.
+const FROM_FIELDS = ["Ctrl+s"];
+
+async function pressed(e) {
   if (e.defaultPrevented || e.altKey || document.querySelector("dialog[open]")) return;
   // The focus leaves a dialog that was closed only when the page is drawn next.
   const { tagName, type } = e.target.closest("dialog") ? document.body : e.target;
-  const types = tagName === "SELECT" || tagName === "INPUT" && !["checkbox", "radio", "range"].includes(type);
+  const isField = tagName === "INPUT" && !["checkbox", "radio", "range"].includes(type);
   const moves = tagName === "INPUT" && e.key.startsWith("Arrow");
-  if ((types || moves) && !e.ctrlKey) return;
+  const name = spelled(e), isCommand = name.startsWith("Ctrl+");
+  if (isField && !FROM_FIELDS.includes(name)) return;
+  if ((moves || tagName === "SELECT") && !isCommand) return;
   if (e.key === " " && ["BUTTON", "SUMMARY", "INPUT"].includes(tagName)) return;
-  const action = BY_KEY.get(spelled(e));
+  const action = BY_KEY.get(name);
   if (!action) return;
   e.preventDefault();
+  if (isCommand) await committed();
   action(e);
 }
 

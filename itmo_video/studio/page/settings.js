@@ -1,38 +1,56 @@
 // The settings as controls, each generated from its definition; for the clip or for one shot.
 
 import { control } from "./control.js";
-import { change, edit, on, S, shotAt } from "./store.js";
+import { edit, pending, placeAt, placeOf } from "./edits.js";
+import { change, on, S } from "./store.js";
 
 const byId = (id) => document.getElementById(id);
 const OPEN = new Set(["Look", "Expand Map"]);
 const made = new Map();
 let gesture = 0;
 
-export const target = () => (S.scope_of === "shot" ? shotAt(S.index) : null);
-const own = () => (target() === null ? S.state.document.changed
-  : S.state.document.shots[target()]?.own ?? {});
+// What the controls set: the clip (shot null) or the shot of this frame. It stays the same from the
+// moment a field is entered or a slider is taken until it is left, wherever the frame goes meanwhile.
+let held = null;
+const holders = new Set();
+const current = () => (S.scope_of === "shot" ? placeAt(S.index) : placeOf(null));
+export const target = () => held ?? current();
 
-// One edit is sent at a time; of those waiting for the same setting only the last is sent.
-const waiting = new Map();
-let isSending = false;
-async function send() {
-  if (isSending) return;
-  isSending = true;
-  while (waiting.size) {
-    const [name, body] = waiting.entries().next().value;
-    waiting.delete(name);
-    await edit(body);
-  }
-  isSending = false;
+function hold(holder) {
+  held ??= current();
+  holders.add(holder);
+}
+function release(holder) {
+  if (!holders.delete(holder) || holders.size) return;
+  held = null;
+  update();
+}
+
+const FIELDS = "input[type=number], input:not([type]), select";
+function holdWhileEditing(panel) {
+  panel.addEventListener("focusin", ({ target: t }) => { if (t.matches(FIELDS)) hold("field"); });
+  panel.addEventListener("focusout", () => release("field"));
+  // A list that is closed keeps the focus, but no longer edits.
+  panel.addEventListener("change", ({ target: t }) => { if (t.matches("select")) release("field"); });
+  panel.addEventListener("pointerdown", () => hold("pointer"));
+  for (const end of ["pointerup", "pointercancel"])  // once its change and click are handled
+    window.addEventListener(end, () => setTimeout(() => release("pointer")));
+}
+
+// What is set here, with what is being sent.
+function own() {
+  const { shot } = target(), { document } = S.state;
+  const said = { ...(shot === null ? document.changed : document.shots[shot]?.own), ...pending(shot) };
+  return Object.fromEntries(Object.entries(said).filter(([, value]) => value !== null));
 }
 
 // All moves of one drag are one undo step; its end starts a new one.
 function set(name, value, isDrag) {
-  const shot = target();
-  if (shot === -1) return;
-  waiting.set(name, { do: "set", values: { [name]: value }, shot, gesture: `${name} ${gesture}` });
+  const place = target();
+  if (place.shot === -1) return;
+  edit({ do: "set", values: { [name]: value }, ...place, gesture: `${place.shot} ${name} ${gesture}` });
   if (!isDrag) gesture++;
-  send();
+  update();
 }
 
 function build() {
@@ -56,7 +74,7 @@ function build() {
 
 function update() {
   const { document: { preset }, document } = S.state;
-  const shot = target(), mine = own();
+  const { shot } = target(), mine = own();
   const settings = (shot === null ? null : document.shots[shot]?.settings) ?? document.settings;
   const most = settings.l_max ?? settings.peak_nits / settings.white_nits;
   const derived = { l_max: most, l_white: most, peak_nits: settings.peak_nits };
@@ -71,7 +89,7 @@ function update() {
   byId("preset").value = named;
   const about = S.about.presets.find((p) => p.name === named);
   byId("preset-says").textContent = about ? about.description : `from ${preset}`;
-  const place = shotAt(S.index);
+  const place = shot ?? placeAt(S.index).shot;
   byId("of-shot").disabled = place < 0;
   byId("of-shot").textContent = place < 0 ? "This shot" : `Shot ${place + 1}`;
   for (const name of ["clip", "shot"])
@@ -82,12 +100,12 @@ function update() {
   byId("redo").disabled = !S.state.can_redo;
 }
 
-export const setPreset = (preset) => edit({ do: "preset", preset, shot: target() });
+export const setPreset = (preset) => edit({ do: "preset", preset, ...target() });
 
 export function resetAll() {
   const names = Object.keys(own()).filter((name) => made.has(name) || name === "preset");
   const values = Object.fromEntries(names.map((name) => [name, null]));
-  if (Object.keys(values).length) edit({ do: "set", values, shot: target() });
+  if (Object.keys(values).length) edit({ do: "set", values, ...target() });
 }
 
 export function openSettings() {
@@ -99,6 +117,7 @@ export function openSettings() {
   byId("of-shot").addEventListener("click", () => change({ scope_of: "shot" }, "state"));
   byId("reset-all").addEventListener("click", resetAll);
   build();
+  for (const part of ["settings", "preset", "reset-all"]) holdWhileEditing(byId(part));
   on("frame state", update);
   update();
 }

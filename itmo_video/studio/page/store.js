@@ -1,6 +1,6 @@
 // The page's state: facts, the document, and the view; listeners are notified of changes.
 
-import { get, post, Refused, Stale } from "./api.js";
+import { get, Refused, Stale } from "./api.js";
 
 export const S = {
   about: null, state: null,
@@ -70,19 +70,6 @@ const underWay = new Set();
 export function busy(what, isBusy) {
   underWay[isBusy ? "add" : "delete"](what);
   document.getElementById("stage").setAttribute("aria-busy", String(underWay.size > 0));
-}
-
-export async function edit(body) {
-  busy(body, true);
-  try {
-    take(await post("api/edit", body));
-    told("");
-  } catch (error) {
-    failed(error);
-    emit("state");
-  } finally {
-    busy(body, false);
-  }
 }
 
 export const number = (index) => index + S.about.first_number;

@@ -1,6 +1,7 @@
 // The timeline: shots as blocks, keyframes as ticks, cuts, the loop, and the playhead.
 
-import { edit, emit, number, on, S, shotAt } from "./store.js";
+import { edit, placeAt } from "./edits.js";
+import { emit, number, on, S, shotAt, told } from "./store.js";
 import { go } from "./stage.js";
 
 const byId = (id) => document.getElementById(id);
@@ -81,10 +82,10 @@ function tell() {
 }
 
 export const splitHere = () => edit({ do: "split", at: number(S.index) });
-export const mergeHere = () => edit({ do: "merge", shot: shotAt(S.index) });
+export const mergeHere = () => edit({ do: "merge", ...placeAt(S.index) });
 export function switchHere() {
   const at = shotAt(S.index);
-  if (at >= 0) edit({ do: "enable", shot: at, on: !S.state.document.shots[at].enabled });
+  if (at >= 0) edit({ do: "enable", ...placeAt(S.index), on: !S.state.document.shots[at].enabled });
 }
 
 // The first frame of the next shot, or of this or the previous one.
@@ -113,7 +114,12 @@ export function openTimeline() {
     scrub(e);
   });
   canvas.addEventListener("pointermove", (e) => { if (e.buttons & 1) scrub(e); });
-  byId("frame-number").addEventListener("change", (e) => go(Number(e.target.value) - S.about.first_number));
+  byId("frame-number").addEventListener("change", ({ target: field }) => {
+    const asked = field.value;
+    if (/^\d+$/.test(asked)) return go(Number(asked) - S.about.first_number);
+    tell();
+    told(asked ? `There is no frame ${asked}: frames have whole numbers.` : "Type a frame's number.", true);
+  });
   byId("frame-number").addEventListener("keydown", (e) => { if (e.key === "Enter") e.target.blur(); });
   byId("split-shot").addEventListener("click", splitHere);
   byId("merge-shot").addEventListener("click", mergeHere);

@@ -2,8 +2,10 @@
 
 import { draw } from "viewer/draw.js";
 import { attempt, get, Stale } from "./api.js";
-import { setPreset, target } from "./settings.js";
-import { edit, failed, peak, S } from "./store.js";
+import { committed, edit } from "./edits.js";
+import { target } from "./settings.js";
+import { failed, peak, S } from "./store.js";
+import { pause } from "./transport.js";
 
 const byId = (id) => document.getElementById(id);
 let turn = 0;
@@ -19,7 +21,7 @@ function paint(tiles) {
 async function fill() {
   const mine = ++turn, sheet = byId("sheet");
   const [width] = S.about.size, scale = width > 1000 ? 4 : width > 480 ? 2 : 1;
-  const shot = target();
+  const place = target(), { shot } = place, { index } = S;
   byId("variants-title").textContent = shot === null ? "Variants of this frame"
     : `Variants of this frame, for shot ${shot + 1}`;
   sheet.replaceChildren();
@@ -35,14 +37,13 @@ async function fill() {
     text.textContent = preset ? says : "";
     button.type = "button";
     button.append(canvas, name, text);
-    button.addEventListener("click", async () => {
+    button.addEventListener("click", () => {
       byId("variants").close();
-      if (preset) await setPreset(preset);
-      else await edit({ do: "set", values: asked, shot });
+      edit(preset ? { do: "preset", preset, ...place } : { do: "set", values: asked, ...place });
     });
     sheet.append(button);
     try {
-      const found = await attempt({ index: S.index, preset, values: asked, scale, shot }, S.about.primaries);
+      const found = await attempt({ index, preset, values: asked, scale, shot }, S.about.primaries);
       if (mine !== turn) return;
       tiles.push({ canvas, ...found });
       paint(tiles);
@@ -64,7 +65,10 @@ export function openVariants() {
   byId("open-variants").addEventListener("click", showVariants);
 }
 
-export function showVariants() {
+// Of one frame, with all that was typed before.
+export async function showVariants() {
+  pause();
+  await committed();
   byId("variants").showModal();
   fill().catch(failed);
 }
