@@ -10,13 +10,15 @@ from oracles import hlg_nits
 
 from itmo_video.colour import transfer
 from itmo_video.delivery import hdr
+from itmo_video.delivery.ycbcr import Chroma, Planes, to_ycbcr
+from itmo_video.kernels import library
 
 with warnings.catch_warnings():  # it tells of every optional library that it misses
     warnings.simplefilter("ignore")
     import colour as colour_science
 
 
-def _planes(nits: float, shape: tuple[int, int] = (8, 16)) -> hdr.Planes:
+def _planes(nits: float, shape: tuple[int, int] = (8, 16)) -> Planes:
     plane = np.full(shape, nits, np.float32)
     return plane, plane.copy(), plane.copy()
 
@@ -69,7 +71,7 @@ def test_white_and_peak_keep_their_nits() -> None:
 
 def test_limited_range_codes_of_grey() -> None:
     code = np.full((64, 64), 0.5, np.float32)
-    luma, cb, cr = hdr.to_ycbcr((code, code, code), "bt2020", "420", 3)
+    luma, cb, cr = to_ycbcr((code, code, code), "bt2020", "420", 3)
     assert luma.mean() == pytest.approx(64 + 876 * 0.5, abs=0.02), "dither moves the mean"
     assert cb.shape == cr.shape == (32, 32)
     assert abs(cb.mean() - 512) < 0.1, "grey is coloured"
@@ -78,9 +80,7 @@ def test_limited_range_codes_of_grey() -> None:
 
 def test_dither_depends_on_the_index_alone_and_moves() -> None:
     code = np.full((40, 40), 0.30031, np.float32)
-    first, again, other = (
-        hdr.to_ycbcr((code, code, code), "bt2020", "422", i)[0] for i in (5, 5, 6)
-    )
+    first, again, other = (to_ycbcr((code, code, code), "bt2020", "422", i)[0] for i in (5, 5, 6))
     assert (first == again).all(), "dither is not deterministic"
     assert (first != other).any(), "dither stands still"
 
@@ -96,12 +96,16 @@ def test_light_levels_are_of_max_rgb() -> None:
 
 @pytest.mark.parametrize("shape", [(70, 50), (41, 33), (32, 64)])
 @pytest.mark.parametrize("chroma", ["420", "422"])
-def test_strips_make_the_whole_frame(shape: tuple[int, int], chroma: hdr.Chroma) -> None:
+def test_strips_make_the_whole_frame(
+    shape: tuple[int, int], chroma: Chroma, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # The plain form has strips; test_to_codes.py holds both against float64.
+    monkeypatch.setattr(library, "library", lambda: None)
     rng = np.random.default_rng(2)
     rgb = [rng.uniform(0, 5, shape).astype(np.float16) for _ in range(3)]
     planes, light = hdr.master_frame(rgb, "rec709", 203, 1000, "pq", chroma, 4)
     nits = hdr.to_nits_2020(rgb, "rec709", 203, 1000)
-    whole = hdr.to_ycbcr(hdr.pad_even(hdr.encode_nits(nits, "pq", 1000)), "bt2020", chroma, 4)
+    whole = to_ycbcr(hdr.pad_even(hdr.encode_nits(nits, "pq", 1000)), "bt2020", chroma, 4)
     for strip, frame in zip(planes, whole, strict=True):
         assert strip.shape == frame.shape
         # A strip's last bits may differ (vector loop or scalar tail), so a rounding may.

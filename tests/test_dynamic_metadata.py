@@ -17,10 +17,10 @@ from itmo_video import PreviewOptions, convert, preview
 from itmo_video.cli.main import main
 from itmo_video.colour import transfer
 from itmo_video.colour.primaries import rgb_to_rgb_matrix
-from itmo_video.delivery import hdr
 from itmo_video.delivery.dynamic_metadata import level1
 from itmo_video.delivery.eetf import bt2390_eetf, to_display
 from itmo_video.delivery.shot_light import ShotLight, frame_tally
+from itmo_video.delivery.ycbcr import Planes
 from itmo_video.errors import UsageError
 from itmo_video.output.exr import read_exr
 
@@ -211,7 +211,7 @@ def test_to_a_darker_display_hue_is_kept_and_the_peak_not_passed() -> None:
     )
     ratio = shown / before
     assert np.ptp(ratio, axis=0).max() < 2e-3, "one factor a pixel"
-    plane: hdr.Planes = (red, green, blue)
+    plane: Planes = (red, green, blue)
     assert to_display(plane, 1000, None) is plane
 
 

@@ -20,8 +20,8 @@ from itmo_video import convert, make_settings
 from itmo_video.cli.main import main
 from itmo_video.colour import chroma, transfer
 from itmo_video.colour.primaries import rgb_to_rgb_matrix
-from itmo_video.delivery import hdr
 from itmo_video.delivery.log_curves import PRIMARIES, acescct, log_codes, logc3
+from itmo_video.delivery.ycbcr import to_ycbcr
 from itmo_video.output.exr import read_exr
 
 with warnings.catch_warnings():  # it tells of every optional library that it misses
@@ -208,7 +208,7 @@ def test_too_small_a_picture_blames_no_sound(
 def test_444_keeps_every_pixels_colour() -> None:
     rng = np.random.default_rng(5)
     code = [rng.uniform(0.1, 0.9, (8, 10)).astype(np.float32) for _ in range(3)]
-    y, cb, cr = hdr.to_ycbcr((code[0], code[1], code[2]), "bt709", "444", 1)
+    y, cb, cr = to_ycbcr((code[0], code[1], code[2]), "bt709", "444", 1)
     assert y.shape == cb.shape == cr.shape == (8, 10)
     blue = (y - 64.0) / 876 + 1.8556 * (cb - 512.0) / 896
     np.testing.assert_allclose(blue, code[2], atol=4e-3)

@@ -15,7 +15,7 @@ from itmo_video.kernels.dispatch import with_compiled_form
 
 # The table's letters for a parameter of the header.
 LETTERS = {
-    "uint8_t *": "Bp", "int32_t *": "I", "int64_t *": "L", "uint16_t *": "H", "float *": "F",
+    "uint8_t *": "Bp", "int32_t *": "I", "int64_t *": "L", "uint16_t *": "HW", "float *": "F",
     "double *": "D", "int64_t ": "n", "float ": "f", "double ": "d",
 }  # fmt: skip
 loaded = library.library()

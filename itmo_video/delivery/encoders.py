@@ -11,8 +11,8 @@ import numpy as np
 
 from itmo_video.delivery import metadata
 from itmo_video.delivery.film_spec import AV1_LEAST, DEFAULT_CRF, DEFAULT_SPEED, FilmSpec, Signal
-from itmo_video.delivery.hdr import Codes10, YCbCr
 from itmo_video.delivery.svt_av1 import svt_as_guest
+from itmo_video.delivery.ycbcr import Codes10, YCbCr
 from itmo_video.errors import UsageError
 
 ENCODERS: dict[str, str] = {

@@ -9,7 +9,7 @@ from typing import Literal
 
 from itmo_video.colour import primaries
 from itmo_video.delivery import metadata
-from itmo_video.delivery.hdr import Chroma
+from itmo_video.delivery.ycbcr import Chroma
 from itmo_video.errors import UsageError
 
 Codec = Literal["av1", "hevc", "prores", "prores4444", "dnxhr"]

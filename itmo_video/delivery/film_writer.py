@@ -26,11 +26,12 @@ from itmo_video.delivery.film_spec import (
     check_size,
     pixel_format,
 )
-from itmo_video.delivery.hdr import Codes10, Light
+from itmo_video.delivery.hdr import Light
 from itmo_video.delivery.log_curves import TOLD
 from itmo_video.delivery.messages import with_message
 from itmo_video.delivery.sound import Sound
 from itmo_video.delivery.svt_av1 import svt_as_guest
+from itmo_video.delivery.ycbcr import Codes10
 from itmo_video.errors import ItmoError, OutputError
 from itmo_video.memory_limit import check_memory
 from itmo_video.output.atomic import temp_path

@@ -6,27 +6,34 @@ Pure: arrays in, arrays out. Planes are (height, width); linear light is in nits
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal, TypeAlias, cast
+from typing import Any, cast
 
 import cv2
 import numpy as np
 import numpy.typing as npt
 
-from itmo_video.colour.primaries import LUMINANCE_KR_KB, luminance_weights, rgb_to_rgb_matrix
+from itmo_video.colour.primaries import luminance_weights, rgb_to_rgb_matrix
 from itmo_video.colour.transfer import hlg_gamma, hlg_oetf, pq_code
+from itmo_video.delivery.eetf import display_factors, times_factors
+from itmo_video.delivery.ycbcr import (
+    Chroma,
+    Codes10,
+    Planes,
+    YCbCr,
+    codes_form,
+    dither_noise,
+    empty_codes,
+    write_codes,
+)
+from itmo_video.kernels import compiled_codes
+from itmo_video.kernels.compiled_codes import Curve, OfLight, ToCodes
+from itmo_video.kernels.dispatch import with_compiled_form
 from itmo_video.model import Float32, Half
-
-Curve = Literal["pq", "hlg"]
-Chroma = Literal["420", "422", "444"]
-Codes10: TypeAlias = npt.NDArray[np.uint16]
-YCbCr: TypeAlias = tuple[Codes10, Codes10, Codes10]
-Planes: TypeAlias = tuple[Float32, Float32, Float32]
 
 # cv2.pow is 20 times slower at 0
 _POWER_FLOOR = 1e-12
-_NOISE_TILE = 256
 _STRIP_ROWS = 32  # even; a strip's planes fit into a core's L2 cache: 3 times faster
 
 
@@ -68,10 +75,14 @@ def to_nits_2020(
 
     `primaries` are names of colour.CHROMATICITIES; three float32 planes of the input's shape.
     """
-    planes = [cv2.subtract(plane, 0.0, dtype=cv2.CV_32F) for plane in rgb]  # the fastest way
     matrix = rgb_to_rgb_matrix(primaries, "rec2020") * white_nits
+    return _to_nits(rgb, matrix.ravel().tolist(), peak_nits)
+
+
+def _to_nits(rgb: Sequence[Half | Float32], matrix: Sequence[float], peak_nits: float) -> Planes:
+    planes = [cv2.subtract(plane, 0.0, dtype=cv2.CV_32F) for plane in rgb]  # the fastest way
     out = []
-    for red, green, blue in matrix.tolist():
+    for red, green, blue in (matrix[0:3], matrix[3:6], matrix[6:9]):
         mixed = cv2.addWeighted(planes[0], red, planes[1], green, 0)
         mixed = cv2.scaleAdd(planes[2], blue, mixed)
         out.append(_shaped(cv2.min(cv2.max(mixed, 0.0), peak_nits), planes[0].shape))
@@ -94,34 +105,6 @@ def encode_plane(light: Float32, curve: Curve) -> Float32:
     return _shaped(cv2.LUT(_half_bits(light), _curve_table(curve)), light.shape)
 
 
-def to_ycbcr(
-    rgb_code: Planes,
-    matrix: Literal["bt709", "bt2020"],
-    chroma: Chroma,
-    frame_index: int,
-    first_row: int = 0,
-    bit_depth: int = 10,
-) -> YCbCr:
-    """Nonlinear R'G'B' as limited-range Y'CbCr; subsampled dimensions must be even.
-
-    Chroma is sited left (as in MPEG-2, H.273 type 0) and filtered by 1-2-1 horizontally. Dithered
-    before rounding, with noise that depends only on the frame's index and the position. A strip
-    that starts at an even `first_row` gives the same rows as the whole frame. BT.2100-2, tables 6
-    and 9.
-    """
-    kr, kb = LUMINANCE_KR_KB[matrix]
-    red, green, blue = rgb_code
-    chroma_row = first_row // 2 if chroma == "420" else first_row
-    luma = cv2.scaleAdd(blue, kb, cv2.addWeighted(red, kr, green, 1 - kr - kb, 0))
-    cb = _subsampled(cv2.addWeighted(blue, 0.5 / (1 - kb), luma, -0.5 / (1 - kb), 0), chroma)
-    cr = _subsampled(cv2.addWeighted(red, 0.5 / (1 - kr), luma, -0.5 / (1 - kr), 0), chroma)
-    return (
-        _quantised(luma, 876, 64, frame_index, 0, first_row, bit_depth),
-        _quantised(cb, 896, 512, frame_index, 1, chroma_row, bit_depth),
-        _quantised(cr, 896, 512, frame_index, 2, chroma_row, bit_depth),
-    )
-
-
 def master_frame(
     rgb: Sequence[Half | Float32],
     primaries: str,
@@ -130,33 +113,56 @@ def master_frame(
     curve: Curve,
     chroma: Chroma,
     frame_index: int,
-    shown: Callable[[Planes], Planes] = lambda nits: nits,
+    display_peak: float | None = None,
 ) -> tuple[YCbCr, Light]:
     """Codes and light of one frame: `to_nits_2020`, `frame_light`, `encode_nits`, `to_ycbcr`.
 
-    Equivalent to these four on the whole frame, but done in strips; odd sizes are padded to even
-    ones. `shown` is applied to the nits first, pixel by pixel.
+    Equivalent to these four on the whole frame, but in one pass or in strips; odd sizes are padded
+    to even ones. With a `display_peak` after the first, eetf.to_display (PQ only).
     """
     height, width = rgb[0].shape
-    padded: tuple[Any, ...] = pad_even(rgb)
-    rows, columns = padded[0].shape
-    chroma_shape = (
-        rows // 2 if chroma == "420" else rows, columns if chroma == "444" else columns // 2
+    out = empty_codes((height + height % 2, width + width % 2), chroma)
+    light = OfLight(
+        tuple((rgb_to_rgb_matrix(primaries, "rec2020") * white_nits).ravel().tolist()),
+        peak_nits, curve, hlg_gamma(peak_nits),
     )  # fmt: skip
-    out = tuple(np.empty(s, np.uint16) for s in ((rows, columns), chroma_shape, chroma_shape))
+    if display_peak is not None and display_peak < peak_nits:
+        factors = display_factors(peak_nits, display_peak)
+        light = light._replace(factors=factors, display_peak=display_peak)
+    form = codes_form("bt2020", chroma, frame_index)
+    return out, Light(*light_to_codes(rgb, light, form, dither_noise(), out))
+
+
+@with_compiled_form(compiled_codes.light_to_codes)
+def light_to_codes(
+    rgb: Sequence[Half | Float32],
+    light: OfLight,
+    form: ToCodes,
+    noise: Float32,
+    out: Sequence[Codes10],
+) -> tuple[float, float]:
+    """Write the codes of linear light to `out`; peak and average of max(R, G, B) in nits."""
+    height, width = rgb[0].shape
+    padded: tuple[Any, ...] = pad_even(rgb)
+    rows = padded[0].shape[0]
     peak = total = 0.0
     for top in range(0, rows, _STRIP_ROWS):
         strip = [plane[top : top + _STRIP_ROWS] for plane in padded]
-        nits = shown(to_nits_2020(strip, primaries, white_nits, peak_nits))
+        nits = _to_nits(strip, light.matrix, light.peak_nits)
+        if light.factors is not None:
+            nits = times_factors(nits, light.factors, light.display_peak)
         inside = (nits[0][: height - top, :width], nits[1][: height - top, :width],
                   nits[2][: height - top, :width])  # fmt: skip
-        light = frame_light(inside)
-        peak, total = max(peak, light.peak), total + light.average * inside[0].shape[0]
-        codes = to_ycbcr(encode_nits(nits, curve, peak_nits), "bt2020", chroma, frame_index, top)
-        for target, strip_codes in zip(out, codes, strict=True):
-            at = top * target.shape[0] // rows
-            target[at : at + strip_codes.shape[0]] = strip_codes
-    return (out[0], out[1], out[2]), Light(peak, total / height)
+        seen = frame_light(inside)
+        peak, total = max(peak, seen.peak), total + seen.average * inside[0].shape[0]
+        code = encode_nits(nits, light.curve, light.peak_nits)
+        starts = [top * plane.shape[0] // rows for plane in out]
+        strips = [
+            plane[at : at + _STRIP_ROWS * plane.shape[0] // rows]
+            for plane, at in zip(out, starts, strict=True)
+        ]
+        write_codes(code, form.from_rows(starts), noise, strips)
+    return peak, total / height
 
 
 def pad_even(planes: Sequence[Any], *, rows: bool = True) -> Any:
@@ -193,41 +199,6 @@ def _curve_table(curve: Curve) -> Float32:
     code = pq_code(values) if curve == "pq" else hlg_oetf(values)
     code[32768:] = code[0]
     return code.astype(np.float32)
-
-
-def _subsampled(plane: Any, chroma: Chroma) -> Any:
-    if chroma == "444":
-        return plane
-    if chroma == "420":
-        plane = cv2.addWeighted(plane[0::2], 0.5, plane[1::2], 0.5, 0)
-    around = cv2.copyMakeBorder(plane, 0, 0, 1, 1, cv2.BORDER_REPLICATE)
-    sides = cv2.addWeighted(around[:, 0:-2:2], 0.25, around[:, 2::2], 0.25, 0)
-    return cv2.scaleAdd(np.ascontiguousarray(plane[:, 0::2]), 0.5, sides)
-
-
-def _quantised(
-    plane: Any, scale: float, offset: float, index: int, salt: int, row: int, bit_depth: int
-) -> Codes10:
-    """Dithered codes; `scale` and `offset` are for 10 bits."""
-    step = 2.0 ** (bit_depth - 10)
-    height, width = plane.shape
-    noise = _noise(-(-height // _NOISE_TILE), -(-width // _NOISE_TILE))
-    # The noise moves from frame to frame, as static noise looks like dirt.
-    x = (index * 97 + salt * 31) % _NOISE_TILE
-    y = (index * 57 + salt * 83 + row) % _NOISE_TILE
-    window = noise[y : y + height, x : x + width]
-    codes = np.asarray(cv2.scaleAdd(plane, scale * step, window))
-    codes += np.float32(offset * step)
-    # 0 to 3 and 1020 to 1023 are reserved for synchronisation in 10-bit video, 0 and 255 in 8 bits.
-    np.clip(codes, np.float32(4 * step), np.float32(1019.75 * step) // 1, out=codes)
-    return np.asarray(np.rint(codes, out=codes), np.uint16)
-
-
-@functools.lru_cache(maxsize=4)
-def _noise(rows: int, columns: int) -> Float32:
-    """Uniform noise of one code's width, which keeps the mean exactly; one extra tile each way."""
-    tile = np.random.default_rng(20061130).uniform(-0.5, 0.5, (_NOISE_TILE, _NOISE_TILE))
-    return np.tile(tile.astype(np.float32), (rows + 1, columns + 1))
 
 
 def _shaped(plane: Any, shape: tuple[int, ...]) -> Float32:

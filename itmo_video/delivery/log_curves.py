@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 
 from itmo_video.colour.primaries import rgb_to_rgb_matrix
-from itmo_video.delivery.hdr import Planes
+from itmo_video.delivery.ycbcr import Planes
 from itmo_video.model import Float32, Float64, Half
 
 LogCurve = Literal["acescct", "logc3"]

@@ -19,6 +19,7 @@ from itmo_video.conversion.run_options import RunOptions
 from itmo_video.delivery import hdr
 from itmo_video.delivery.light_levels import pictures_of
 from itmo_video.delivery.pictures import Picture, Pictures
+from itmo_video.delivery.ycbcr import Planes
 from itmo_video.errors import DamagedInputError, UsageError
 from itmo_video.events import FrameDone, OnEvent, Started, Warned, ignore
 from itmo_video.output.converted import open_converted
@@ -167,7 +168,7 @@ def _by_shots(source: Path, pictures: Pictures, starts: set[int], on_event: OnEv
     return FilmLight(shots, hdr.film_light(lights), pictures.peak_nits)
 
 
-def frame_tally(nits: hdr.Planes) -> FrameTally:
+def frame_tally(nits: Planes) -> FrameTally:
     """The light of one frame from its R, G, B in nits, 0 to 10000."""
     largest = cv2.max(cv2.max(nits[0], nits[1]), nits[2])
     tenths: Any = np.rint(np.minimum(largest, 10000) * np.float32(10)).astype(np.int64)

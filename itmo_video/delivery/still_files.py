@@ -17,6 +17,7 @@ from itmo_video.delivery.pictures import Picture, Pictures
 from itmo_video.delivery.preview_options import PreviewOptions
 from itmo_video.delivery.views import light_of, sdr_view, shown_peak, signal_of
 from itmo_video.errors import DamagedInputError, UsageError
+from itmo_video.kernels.compiled_codes import Curve
 from itmo_video.output.gate import Gate
 
 _JPEG, _TIFF = (".jpg", ".jpeg"), (".tif", ".tiff")
@@ -70,12 +71,12 @@ def _hdr_still(
     """A still in PQ or HLG, with its light levels if the format can store them."""
     rgb, primaries, white = light_of(picture, pictures, options)
     signal, peak = signal_of(options), shown_peak(pictures, options)
-    curve: hdr.Curve = "hlg" if signal == "hlg" else "pq"
+    curve: Curve = "hlg" if signal == "hlg" else "pq"
     stated = Mastering(CHROMATICITIES["p3d65"], peak)
     if suffix == ".avif":
         planes, light = hdr.master_frame(
             rgb, primaries, white, pictures.peak_nits, curve, "420", picture.index,
-            lambda nits: to_display(nits, pictures.peak_nits, options.display_peak),
+            options.display_peak,
         )  # fmt: skip
         crf = crf_of(options)
         still = encode_avif(planes, _AVIF_CRF if crf is None else crf, signal)

@@ -14,15 +14,15 @@ from itmo_video.delivery import hdr
 from itmo_video.delivery.metadata import Mastering, in_32_bits
 from itmo_video.delivery.sdr import Picture
 from itmo_video.delivery.tiff import tiff_rgb16
+from itmo_video.delivery.ycbcr import Planes
+from itmo_video.kernels.compiled_codes import Curve
 from itmo_video.source.icc import pq_profile
 
 _JPEG = (".jpg", ".jpeg")
 _PNG_HEAD = 8 + 25  # the signature and the IHDR chunk, which always comes first
 
 
-def png_hdr(
-    rgb_code: hdr.Planes, curve: hdr.Curve, mastering: Mastering, light: hdr.Light
-) -> bytes:
+def png_hdr(rgb_code: Planes, curve: Curve, mastering: Mastering, light: hdr.Light) -> bytes:
     """A 16-bit PNG of BT.2020 R'G'B' planes in PQ or HLG, with cICP; for PQ also mDCV and cLLI.
 
     PNG 3rd edition, 11.3.2.6 to 11.3.2.8: primaries 9, transfer 16 or 18, RGB, full range.
@@ -37,12 +37,12 @@ def png_hdr(
     return data[:_PNG_HEAD] + chunks + data[_PNG_HEAD:]
 
 
-def tiff_pq(rgb_code: hdr.Planes) -> bytes:
+def tiff_pq(rgb_code: Planes) -> bytes:
     """A 16-bit TIFF of PQ BT.2020 R'G'B' planes with a matching ICC profile."""
     return tiff_rgb16(_codes16(rgb_code), pq_profile())
 
 
-def _codes16(rgb_code: hdr.Planes) -> npt.NDArray[np.uint16]:
+def _codes16(rgb_code: Planes) -> npt.NDArray[np.uint16]:
     codes = cv2.multiply(np.dstack(rgb_code), (65535.0,) * 4, dtype=cv2.CV_16U)
     return np.asarray(codes, np.uint16)
 

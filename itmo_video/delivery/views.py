@@ -11,15 +11,16 @@ import numpy as np
 
 from itmo_video.delivery import hdr, sdr
 from itmo_video.delivery.aces import aces_hdr_nits, aces_peak, aces_sdr, require_aces
-from itmo_video.delivery.eetf import to_display
 from itmo_video.delivery.false_colour import false_colour
 from itmo_video.delivery.film_spec import Signal
-from itmo_video.delivery.hdr import Chroma, Codes10, Light, YCbCr
+from itmo_video.delivery.hdr import Light
 from itmo_video.delivery.lettering import labelled
 from itmo_video.delivery.log_curves import log_codes
 from itmo_video.delivery.pictures import Picture, Pictures
 from itmo_video.delivery.preview_options import PreviewOptions
+from itmo_video.delivery.ycbcr import Chroma, Codes10, YCbCr, to_ycbcr
 from itmo_video.errors import UsageError
+from itmo_video.kernels.compiled_codes import Curve
 from itmo_video.model import Float32
 
 _WITHOUT_ALPHA = ("compare", "false-colour", "ladder")  # they say something of the whole picture
@@ -159,16 +160,16 @@ def shown_frame(
         view = sdr_view(picture, pictures, options)
         code: Any = tuple(np.ascontiguousarray(view[..., i]) for i in range(3))
         even: Any = hdr.pad_even(code)
-        planes = hdr.to_ycbcr(even, "bt709", chroma, picture.index, bit_depth=int(options.depth))
+        planes = to_ycbcr(even, "bt709", chroma, picture.index, bit_depth=int(options.depth))
         return ShownFrame(picture.number, picture.time_s, planes, Light(0.0, 0.0))
     rgb, primaries, white = light_of(picture, pictures, options)
     if signal == "acescct" or signal == "logc3":
         log = hdr.pad_even(log_codes(rgb, primaries, signal))
-        planes = hdr.to_ycbcr(log, "bt709", chroma, picture.index, bit_depth=int(options.depth))
+        planes = to_ycbcr(log, "bt709", chroma, picture.index, bit_depth=int(options.depth))
         return ShownFrame(picture.number, picture.time_s, planes, Light(0.0, 0.0))
-    curve: hdr.Curve = "pq" if signal == "pq" else "hlg"
+    curve: Curve = "pq" if signal == "pq" else "hlg"
     planes, light = hdr.master_frame(
         rgb, primaries, white, pictures.peak_nits, curve, chroma, picture.index,
-        lambda nits: to_display(nits, pictures.peak_nits, options.display_peak),
+        options.display_peak,
     )  # fmt: skip
     return ShownFrame(picture.number, picture.time_s, planes, light)

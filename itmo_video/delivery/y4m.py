@@ -13,10 +13,12 @@ from contextlib import suppress
 from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from itmo_video.delivery.hdr import Chroma, Codes10, Light
+from itmo_video.delivery.hdr import Light
+from itmo_video.delivery.ycbcr import Chroma, Codes10
 from itmo_video.errors import OutputError, UsageError
 from itmo_video.output.atomic import output_error, temp_path
 from itmo_video.output.gate import Gate
@@ -53,10 +55,11 @@ class Y4mSpec:
             f"A{aspect.numerator}:{aspect.denominator} C{kind} XCOLORRANGE=LIMITED\n"
         ).encode("ascii")
 
-    def frame(self, planes: tuple[Codes10, ...]) -> list[bytes]:
-        """A frame's bytes, in pieces."""
+    def frame(self, planes: tuple[Codes10, ...]) -> list[memoryview]:
+        """A frame's bytes, in pieces: of the planes themselves where they can be."""
         kind = np.uint8 if self.bit_depth == 8 else np.dtype("<u2")
-        return [b"FRAME\n", *(np.asarray(plane, kind).tobytes() for plane in planes)]
+        laid_out: list[Any] = [np.ascontiguousarray(plane, kind) for plane in planes]
+        return [memoryview(b"FRAME\n"), *(memoryview(plane).cast("B") for plane in laid_out)]
 
 
 def is_stream_output(path: Path) -> bool:
@@ -89,7 +92,7 @@ class Y4mWriter:
 
                 fcntl.fcntl(self._file.fileno(), fcntl.F_SETPIPE_SZ, _PIPE_BYTES)
         try:
-            self._put(spec.header())
+            self._put(memoryview(spec.header()))
         except BaseException:
             self.close()
             raise
@@ -122,8 +125,8 @@ class Y4mWriter:
             with suppress(OSError):
                 self._temp.unlink()
 
-    def _put(self, data: bytes) -> None:
-        left = memoryview(data)
+    def _put(self, data: memoryview) -> None:
+        left = data
         try:
             while left:
                 left = left[self._file.write(left) :]

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-_VERSION = 15  # of the kernels
+_VERSION = 16  # of the kernels
 
 
 class _Array:
@@ -44,7 +44,8 @@ class _Lines:
 _TYPES: dict[str, Any] = {
     "n": ctypes.c_int64, "f": ctypes.c_float, "d": ctypes.c_double, "p": _Lines(),
     "B": _Array(np.uint8), "I": _Array(np.int32), "L": _Array(np.int64),
-    "H": _Array(np.float16), "F": _Array(np.float32), "D": _Array(np.float64),
+    "H": _Array(np.float16), "W": _Array(np.uint16),
+    "F": _Array(np.float32), "D": _Array(np.float64),
 }  # fmt: skip
 
 
@@ -65,6 +66,7 @@ _ARGUMENTS = {
     "ramps": "Fff" + "nF",
     "expand_auto": "FFF" + "F" + "FFFF" + "F" + "fn" + "HHH",
     "expand": "FFFFF" + "fffn" + "HHH",
+    "to_codes": "ppp" + "LLFFF" + "WWW" + "D",
 }
 
 

@@ -73,6 +73,10 @@ void itmo_halves(const float *values, int64_t count, uint16_t *out);
 void itmo_expand(const float *red, const float *green, const float *blue, const float *gain,
     const float *map, float base, float strength, float rest, int64_t count, uint16_t *red_out,
     uint16_t *green_out, uint16_t *blue_out);
+void itmo_to_codes(const uint8_t *red, const uint8_t *green, const uint8_t *blue,
+    const int64_t *strides, const int64_t *sizes, const float *numbers,
+    const float *factors, const float *noise, uint16_t *luma, uint16_t *cb, uint16_t *cr,
+    double *light);
 void itmo_camera_model(const double *across, const double *down, const double *vectors,
     const double *texture, int64_t count, const double *sigmas, int64_t rounds, double ridge,
     double *weight, double *model);

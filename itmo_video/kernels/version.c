@@ -2,5 +2,5 @@
 
 int itmo_version(void)
 {
-    return 15;
+    return 16;
 }
