@@ -155,7 +155,7 @@ def _analyse_to(args: argparse.Namespace, settings: Settings, run: RunOptions) -
         return
     text = analysis.to_json() if not as_edit else _edit(args, analysis, settings, run)
     gate.write(text.encode())
-    print(in_words(analysis))
+    print(f"{args.output}: {in_words(analysis)}")
 
 
 def _edit(args: argparse.Namespace, analysis: Analysis, settings: Settings, run: RunOptions) -> str:
