@@ -118,9 +118,9 @@ def certainty(shares: Float32, clipped: Float32, wrap_x: bool = False) -> float:
 
 
 def mean_stops(shares: Float32, clipped: Float32, wrap_x: bool = False) -> float:
-    """Expected log2 of what has clipped, up to CERTAIN_STOPS; 0 where nothing has.
+    """The mean expected log2 of clipped areas, up to CERTAIN_STOPS; 0 if nothing has clipped.
 
-    The mean of the channels and of all places weighed by `clipped`, as in `certainty`.
+    The mean over channels, and over pixels weighted by `clipped`, as in `certainty`.
     """
     seen, weight, widths = _where_clipped(shares, clipped, wrap_x)
     total = float(widths @ np.einsum("hw,khw->k", weight, seen))
@@ -130,7 +130,7 @@ def mean_stops(shares: Float32, clipped: Float32, wrap_x: bool = False) -> float
 def _where_clipped(
     shares: Float32, clipped: Float32, wrap_x: bool
 ) -> tuple[Float32, Float32, Float32]:
-    """The channels' mean shares (levels, h, w), how far each place clipped, the levels' widths."""
+    """The channels' mean shares (levels, h, w), how far each pixel clipped, the levels' widths."""
     height, width = _seen_size(*clipped.shape)
     left = WRAP_PX // 2 if wrap_x else 0
     seen = shares[:, :, : max(1, height // 2), left : left + max(1, width // 2)].mean(0)

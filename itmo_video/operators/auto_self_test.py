@@ -1,9 +1,9 @@
-"""What the network tells of light that is still there: how far it can be trusted on a picture.
+"""Tests the network on known light of the same picture, to see how far to trust it.
 
-The picture is clipped once more, at TEST_WHITE. What lies between there and white is then lost to
-the network, too, but known to us: all that is at white must come out brighter. Where the network
-does not tell the two apart (large pale skies and walls that are hardly brighter than white), what
-it says of light above white is not worth much, either.
+The picture is clipped again, lower, at TEST_WHITE. Light between there and white is then lost to
+the network but known to us, and everything at white must come out brighter than it. If the network
+cannot tell the two apart (large pale skies and walls that are hardly brighter than white), its
+estimate of light above white is not reliable, either.
 """
 
 from __future__ import annotations
@@ -21,21 +21,21 @@ from itmo_video.operators.ramps import ramp, ramps
 
 TEST_WHITE = 0.4  # of white, linear
 TEST_WIDTH_PX = 240  # of the picture for the test
-BETWEEN_FROM = 1.1  # times TEST_WHITE: what lies between from here on
-# The test counts where this share of the picture lies between; where most does, it would be
-# another picture.
+BETWEEN_FROM = 1.1  # times TEST_WHITE: light counts as between from here on
+# Shares of the picture that are between, for which the test counts; with most of it between, it
+# would be another picture.
 FEW, ENOUGH, MANY, MOST = 0.01, 0.04, 0.5, 0.8
 FAILED_STOPS, PASSED_STOPS = 0.15, 0.25  # by which white comes out brighter
 LEAST_PASSED = 0.6
-# Only where it says itself that what clipped is hardly above white, so that SDR is near the truth.
+# Only if it predicts that clipped areas are hardly above white, so that SDR is near the truth.
 LITTLE_STOPS, MUCH_STOPS = 0.3, 0.45
 
 
 def self_test(rgb_linear: Float32, mean_stops: float, wrap_x: bool = False) -> float:
-    """What is kept of the network's stops for a picture: LEAST_PASSED to 1.
+    """The share of the network's stops that is used for a picture: LEAST_PASSED to 1.
 
-    `rgb_linear` is the picture at analysis size, float32 (H, W, 3) in [0, 1]; `mean_stops` what the
-    network says of it (`auto_levels.mean_stops`); `wrap_x` for a panorama.
+    `rgb_linear` is the picture at analysis size, float32 (H, W, 3) in [0, 1]; `mean_stops` the
+    network's prediction for it (`auto_levels.mean_stops`); `wrap_x` for a panorama.
     """
     little = 1 - ramp(mean_stops, LITTLE_STOPS, MUCH_STOPS)
     if little == 0:
