@@ -20,7 +20,7 @@ from itmo_video.model import ClipInfo
 from itmo_video.operators import version_of
 from itmo_video.output import disk_space
 from itmo_video.output.fingerprint import fingerprint, fingerprint_text
-from itmo_video.output.frame_form import FrameForm
+from itmo_video.output.frame_form import FrameForm, colour_attributes, timing_attributes
 from itmo_video.output.manifest import Manifest
 from itmo_video.rendering import spans
 from itmo_video.settings import Settings
@@ -89,8 +89,12 @@ class Plan:
         settings = self.look_at(self.numbers[number]).settings
         alpha = "A" if self.clip.encoding.has_alpha else ""
         layers = (f"{name}.Y" for name in settings.layers)
+        clip = self.clip
         return FrameForm(
-            self.clip.display_size, frozenset((*"RGB", *alpha, *layers)), settings.compression
+            clip.display_size,
+            frozenset((*"RGB", *alpha, *layers)),
+            settings.compression,
+            colour_attributes(settings) | timing_attributes(clip.frame_rate, clip.pixel_aspect),
         )
 
     @property

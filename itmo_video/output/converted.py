@@ -19,7 +19,7 @@ from itmo_video.model import Half
 from itmo_video.output.exr import ExrImage, read_exr
 from itmo_video.output.fingerprint import fingerprints_told
 from itmo_video.output.folder import OutputFolder
-from itmo_video.output.frame_form import FrameForm
+from itmo_video.output.frame_form import FrameForm, colour_attributes
 from itmo_video.output.manifest import Manifest, read_manifest
 from itmo_video.settings import Settings, settings_from
 from itmo_video.source.opening import Clip, input_options, open_clip
@@ -103,9 +103,11 @@ class Converted:
         alpha = "A" if "A" in image.channels else ""
         settings = self.settings_of(number)
         names = frozenset((*"RGB", *alpha, *(f"{name}.Y" for name in settings.layers)))
-        if not FrameForm(size, names, settings.compression).is_of(image):
+        told_of_colour = colour_attributes(settings)
+        if not FrameForm(size, names, settings.compression, told_of_colour).is_of(image):
             raise InputError(
-                "modified since it was converted: size, windows, channels or compression differ",
+                "modified since it was converted: size, windows, channels, compression or colour "
+                "space differ",
                 where=str(path),
                 remedy="Run the conversion again to re-render it.",
             )

@@ -230,13 +230,13 @@ def _attributes(header: ExrHeader) -> dict[str, Any]:
         "chromaticities": tuple(float(value) for value in header.chromaticities),
         "whiteLuminance": float(header.white_nits),
         "pixelAspectRatio": float(header.pixel_aspect),
-        "itmoTime": _rational(header.time_s),
+        "itmoTime": exr_rational(header.time_s),
         "itmoSource": _utf8(header.source_name),
         "itmoSettings": _utf8(header.settings_text),
         "itmoFingerprint": _utf8(header.fingerprint),
     }
     if header.frame_rate > 0:
-        attributes["framesPerSecond"] = _rational(header.frame_rate)
+        attributes["framesPerSecond"] = exr_rational(header.frame_rate)
     if (timecode := _timecode(header.timecode)) is not None:
         attributes["timeCode"] = timecode
     if header.interop_id:
@@ -251,7 +251,7 @@ def _attributes(header: ExrHeader) -> dict[str, Any]:
     return attributes
 
 
-def _rational(value: Fraction) -> Fraction:
+def exr_rational(value: Fraction) -> Fraction:
     """The nearest fraction that fits EXR's 32 bits, as OpenEXR would let it wrap around."""
     if abs(value.numerator) < 2**31 and value.denominator < 2**32:
         return value

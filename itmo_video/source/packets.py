@@ -17,8 +17,8 @@ import numpy as np
 from itmo_video.errors import InputError
 from itmo_video.memory_limit import check_memory
 from itmo_video.regular_file import read_head
+from itmo_video.source import cineform_bands, flash_blocks
 from itmo_video.source.asf_objects import numbered_frames
-from itmo_video.source.cineform_bands import is_whole
 from itmo_video.source.files import check_file, check_pixels
 from itmo_video.source.read_faults import PROBED_BYTES, fault_at_ends, find_fault
 from itmo_video.source.streams import choose_video, codec_tag
@@ -38,6 +38,8 @@ TAG_ERRORS: dict[str, Any] = (
 )
 
 
+# Of decoders that show memory that was never written where a packet is not whole.
+_CHECKS = {"cfhd": cineform_bands.is_whole, "flashsv": flash_blocks.is_whole}
 BROADCAST = ("mpegts", "mpeg")
 _JUMP_S = 10  # stamps further apart than this in a broadcast stream are a splice
 _AVI_CHUNK_BYTES = 8  # of a chunk's header, at least
@@ -55,7 +57,8 @@ class Packets:
     is the duration of the last frame in ticks, 0 if unknown. `left_out` is the number of frames
     before the first key packet, which are not part of the clip. `has_jumps`: stamps jump, as in
     joined captures, so they are not times. `end_byte` is the file's byte behind all packets.
-    `broken` are stamps of packets that must not reach the decoder; None if that is not known.
+    `broken` are stamps of packets that must not reach the decoder; None if none is whole, or
+    for codecs that need no check.
     """
 
     pts: tuple[int, ...]
@@ -145,6 +148,7 @@ def scan_packets(container: Any, stream: Any) -> Packets:
     is_unique, discarded, jumps = True, 0, Jumps(stream)
     last, tail, end_byte = (0, 0), (0, 0), 0
     codec = str(stream.codec_context.name)
+    check = _CHECKS.get(codec)
     for packet in read_packets(container, stream):
         if packet.size == 0:
             continue
@@ -158,7 +162,7 @@ def scan_packets(container: Any, stream: Any) -> Packets:
         is_unique = is_unique and pts is not None and pts not in order
         if pts is not None:
             order[pts] = (place, packet.size)
-            if codec == "cfhd" and not is_whole(bytes(packet)):
+            if check is not None and not check(bytes(packet)):
                 broken.append(pts)
             if packet.is_keyframe:
                 keys.append((place, pts, pts if packet.dts is None else packet.dts))
@@ -177,7 +181,7 @@ def scan_packets(container: Any, stream: Any) -> Packets:
     return Packets(
         pts_shown, order, tuple(keys), is_exact, declared, repeats, last[1],
         has_jumps=jumps.found, end_byte=end_byte,
-        broken=frozenset(broken) if codec == "cfhd" and len(broken) < len(stamps) else None,
+        broken=frozenset(broken) if check is not None and len(broken) < len(stamps) else None,
     )  # fmt: skip
 
 

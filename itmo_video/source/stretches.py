@@ -24,7 +24,9 @@ import av
 from itmo_video.source.decoding import Decoder, Numbered, Way
 
 _TOLD = ("h264", "mpeg2video", "mpeg4", "libdav1d", "av1", "vp9", "prores", "dnxhd")
-_AT_RANDOM = ("cfhd",)  # its decoder fills damaged areas with uninitialised memory
+# Decoders that fill damaged areas with uninitialised memory, for which packets are checked.
+_AT_RANDOM = ("cfhd", "flashsv")
+_INTRA = ("cfhd",)  # of these
 _SHORTEST = 24  # frames between entries, as each stretch opens the file again
 
 
@@ -97,10 +99,11 @@ class Stretches:
                     yield _copied(item)
             if index >= end:
                 return
-            # Where broken packets are kept from the decoder, what follows them is whole (intra).
-            follows = self._packets.broken is None and self._place(index) >= damaged
+            is_checked, codec = self._packets.broken is not None, self._decoder.codec
+            # Where broken packets are kept from an intra decoder, what follows them is whole.
+            follows = self._place(index) >= damaged and not (is_checked and codec in _INTRA)
             is_damaged = bool(frame.is_corrupt) or follows
-            if is_damaged and self._decoder.codec in _AT_RANDOM:
+            if is_damaged and codec in _AT_RANDOM and not is_checked:
                 continue  # left out, and so reported as missing
             last, before = index, (index, frame, is_damaged)
             if index >= start:

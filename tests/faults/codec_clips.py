@@ -76,6 +76,36 @@ CODECS: dict[str, Row] = {
     "zmbv": ("zmbv", "avi", "bgr0", {}),
     "zlib": ("zlib", "avi", "bgr24", {}),
     "msvideo1": ("msvideo1", "avi", "rgb555le", {}),
+    "amv": ("amv", "avi", "yuvj420p", {}),
+    "apng": ("apng", "apng", "rgb24", {}),
+    "asv2": ("asv2", "avi", "yuv420p", {}),
+    "cljr": ("cljr", "avi", "yuv411p", {}),
+    "dpx": ("dpx", "avi", "rgb24", {}),
+    "dv": ("dvvideo", "avi", "yuv420p", {}),
+    "dxv": ("dxv", "mov", "rgba", {}),
+    "ffvhuff": ("ffvhuff", "avi", "yuv420p", {}),
+    "flashsv2": ("flashsv2", "flv", "bgr24", {"strict": "-2"}),
+    "h261": ("h261", "avi", "yuv420p", {}),
+    "h263p": ("h263p", "avi", "yuv420p", {}),
+    "jpegls": ("jpegls", "avi", "bgr24", {}),
+    "ljpeg": ("ljpeg", "avi", "bgr24", {}),
+    "magicyuv": ("magicyuv", "avi", "gbrp", {}),
+    "r210": ("r210", "avi", "gbrp10le", {}),
+    "roqvideo": ("roqvideo", "roq", "yuvj444p", {}),
+    "rpza": ("rpza", "avi", "rgb555le", {}),
+    "rv20": ("rv20", "rm", "yuv420p", {}),
+    "sgi": ("sgi", "mov", "rgb24", {}),
+    "speedhq": ("speedhq", "avi", "yuv420p", {}),
+    "targa": ("targa", "avi", "bgr24", {}),
+    "tiff": ("tiff", "mov", "rgb24", {}),
+    "v308": ("v308", "avi", "yuv444p", {}),
+    "v410": ("v410", "avi", "yuv444p10le", {}),
+    "yuv4": ("yuv4", "avi", "yuv420p", {}),
+}  # fmt: skip
+
+
+SIZES = {  # of encoders that take few
+    "dnxhd": (256, 120), "h263": (176, 144), "h261": (176, 144), "dvvideo": (720, 576),
 }  # fmt: skip
 
 
@@ -84,7 +114,7 @@ def make_clip(
 ) -> Path:
     """A clip of a codec by its name in CODECS, of moving things with two cuts."""
     encoder, extension, pixel_format, options = CODECS[name]
-    width, height = {"dnxhd": (256, 120), "h263": (176, 144)}.get(encoder, size)
+    width, height = SIZES.get(encoder, size)
     path = folder / f"{name}.{extension}"
     scene: Sequence[np.ndarray] = list(
         moving_scene(frames, width=width, height=height, cuts=(20, 45))

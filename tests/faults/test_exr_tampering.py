@@ -55,11 +55,17 @@ CHANGES = {
     "shown smaller": ("displayWindow", window(0, 0, 31, 31)),
     "gigantic": ("dataWindow", window(0, 0, 2**30, 2**30)),
     "inside out": ("dataWindow", window(63, 47, 0, 0)),
+    "in other colours": ("chromaticities", struct.pack("<2f", 0.708, 0.292)),
+    "with another white": ("whiteLuminance", struct.pack("<f", 100)),
+    "by another name": ("colorInteropID", b"lin_rec2020_scene"[: len("lin_rec709_scene")]),
+    "faster": ("framesPerSecond", struct.pack("<i", 25)),
+    "anamorphic": ("pixelAspectRatio", struct.pack("<f", 2)),
+    "upside down": ("lineOrder", b"\1"),
 }
 
 
 @pytest.mark.parametrize("change", CHANGES)
-def test_a_changed_window_is_damage_and_is_mended(change: str, made: Path) -> None:
+def test_a_changed_header_is_damage_and_is_mended(change: str, made: Path) -> None:
     out = made / "o"
     path = out / "c.0001.exr"
     whole = exr_bytes(out)
