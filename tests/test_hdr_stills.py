@@ -177,3 +177,13 @@ def test_ffprobe_sees_them(clip: Path, tmp_path: Path) -> None:
         video = told["streams"][0]
         assert (video["color_primaries"], video["color_transfer"]) == ("bt2020", curve)
         assert video["pix_fmt"] == "yuv420p10le"
+
+
+@pytest.mark.parametrize("size", [(1, 1), (2, 1), (1, 2), (3, 5)])
+def test_stills_of_tiny_pictures(size: tuple[int, int], tmp_path: Path) -> None:
+    source = tmp_path / "t.png"
+    cv2.imwrite(str(source), np.full((size[1], size[0], 3), 200, np.uint8))
+    for name in ("h.png", "t.tif", "g.jpg"):
+        path = made(source, tmp_path / name, "--frame", "1")
+        assert cv2.imread(str(path)).shape == (size[1], size[0], 3)
+    made(source, tmp_path / "dim.png", "--frame", "1", "--display-peak", "400")

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 
 from itmo_video.errors import UsageError
 
-_PART = re.compile(r"(-?\d+)(?:-(-?\d+)(?:([xy:])(\d+))?)?")
+_PART = re.compile(r"(-?\d+)(?:-(-?\d+)(?:([xy:])(\d+))?)?", re.ASCII)
 _MOST_FRAMES = 10_000_000
 
 

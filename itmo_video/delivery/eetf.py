@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 
 from itmo_video.colour import transfer
-from itmo_video.delivery.ycbcr import Planes
+from itmo_video.delivery.ycbcr import Planes, shaped
 from itmo_video.model import Float32, Float64
 
 
@@ -53,7 +53,7 @@ def times_factors(nits: Planes, factors: Float32, display_peak: float) -> Planes
 def _shown(plane: Float32, factor: Any, display_peak: float) -> Float32:
     # The factor is looked up by half float, so the peak may be exceeded by half a step.
     scaled = cv2.min(cv2.multiply(plane, factor.reshape(plane.shape)), display_peak)
-    return np.asarray(scaled, np.float32).reshape(plane.shape)
+    return shaped(scaled, plane.shape)
 
 
 @functools.lru_cache(maxsize=4)

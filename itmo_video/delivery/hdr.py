@@ -25,6 +25,7 @@ from itmo_video.delivery.ycbcr import (
     codes_form,
     dither_noise,
     empty_codes,
+    shaped,
     write_codes,
 )
 from itmo_video.kernels import compiled_codes
@@ -85,7 +86,7 @@ def _to_nits(rgb: Sequence[Half | Float32], matrix: Sequence[float], peak_nits: 
     for red, green, blue in (matrix[0:3], matrix[3:6], matrix[6:9]):
         mixed = cv2.addWeighted(planes[0], red, planes[1], green, 0)
         mixed = cv2.scaleAdd(planes[2], blue, mixed)
-        out.append(_shaped(cv2.min(cv2.max(mixed, 0.0), peak_nits), planes[0].shape))
+        out.append(shaped(cv2.min(cv2.max(mixed, 0.0), peak_nits), planes[0].shape))
     return out[0], out[1], out[2]
 
 
@@ -102,7 +103,7 @@ def encode_nits(nits: Planes, curve: Curve, peak_nits: float) -> Planes:
 
 def encode_plane(light: Float32, curve: Curve) -> Float32:
     """Look up the curve: PQ for nits, HLG's OETF for scene light from 0 to 1."""
-    return _shaped(cv2.LUT(_half_bits(light), _curve_table(curve)), light.shape)
+    return shaped(cv2.LUT(_half_bits(light), _curve_table(curve)), light.shape)
 
 
 def master_frame(
@@ -201,10 +202,6 @@ def _curve_table(curve: Curve) -> Float32:
     return code.astype(np.float32)
 
 
-def _shaped(plane: Any, shape: tuple[int, ...]) -> Float32:
-    return cast(Float32, np.asarray(plane, np.float32).reshape(shape))
-
-
 def _three(planes: Sequence[Any], shape: tuple[int, ...]) -> Planes:
-    red, green, blue = (_shaped(plane, shape) for plane in planes)
+    red, green, blue = (shaped(plane, shape) for plane in planes)
     return red, green, blue

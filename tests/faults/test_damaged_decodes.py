@@ -16,6 +16,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 from codec_clips import CODECS, make_clip
 from damaged_decodes import frames, of_codec, trial
 
+from itmo_video.source import flash_blocks
 from itmo_video.source.cineform_bands import is_whole
 from itmo_video.source.deinterlace import deinterlaced
 from itmo_video.source.ffv1_slices import slices_of
@@ -134,6 +135,27 @@ def test_a_cineform_packet_that_is_not_whole_is_left_out_alone(
     assert frames(path, 25) == {n: check for n, check in rest.items() if n >= 25}
     with open_clip(path) as clip:
         assert not any(frame.is_damaged for frame in clip.frames()), "what follows is whole"
+
+
+def test_a_broken_block_of_flash_screen_video_is_left_out_and_what_follows_named(
+    tmp_path: Path,
+) -> None:
+    """FFmpeg's decoder goes on with memory that was never written (seed 2276, 64x48)."""
+    path = make_clip("flashsv", tmp_path, frames=30, size=(96, 64))
+    with av.open(str(path)) as box:
+        packets = [bytes(packet) for packet in box.demux(video=0) if packet.size]
+    assert all(map(flash_blocks.is_whole, packets))
+    assert not flash_blocks.is_whole(packets[25][:-1])
+    assert not flash_blocks.is_whole(packets[25] + b"\0")
+    whole = frames(path)
+    data = bytearray(path.read_bytes())
+    data[data.index(packets[25]) + len(packets[25]) // 2] ^= 0x55
+    path.write_bytes(data)
+    for start in (0, 24, 25, 27):
+        rest = {n: check for n, check in whole.items() if n >= start and n != 25}
+        assert frames(path, start) == rest
+    with open_clip(path) as clip:
+        assert [f.index for f in clip.frames() if f.is_damaged] == [26, 27, 28, 29]
 
 
 @pytest.mark.parametrize("fault", ["a FRAME line", "a cut"])
