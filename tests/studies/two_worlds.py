@@ -4,20 +4,22 @@
 
 DATA is ../shared/data: panoramas (those that the fit left out), gainmap_photos, hdr_video_graded.
 Single pictures at most 480 pixels wide, without tracking; each is also coded as JPEG of quality 25
-("degraded"). Prints PQ-PSNR against SDR (1000 nits, white 203), the error of u'v' where the truth
-is above white, the worst picture, and with --jod ColorVideoVDP's JOD (needs pycvvdp). Real pairs
-come from ../shared/tools/real_pairs.py, run into WORK/pairs beforehand; films are skipped where
-there are none in WORK/graded (.npz with `codes` and `truth`).
+and as H.264 at QP 37. Prints PQ-PSNR against SDR (1000 nits, white 203), the error of u'v' where
+the truth is above white, the worst picture, and with --jod ColorVideoVDP's JOD (needs pycvvdp).
+Real pairs come from ../shared/tools/real_pairs.py, run into WORK/pairs beforehand; films are
+skipped where there are none in WORK/graded (.npz with `codes` and `truth`).
 """
 
 from __future__ import annotations
 
 import argparse
+import io
 import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
+import av
 import cv2
 import numpy as np
 
@@ -95,6 +97,26 @@ def colour_error(test: Any, truth: Any) -> float:
     return float(np.hypot(*(places[0] - places[1]))[above].mean()) if above.any() else np.nan
 
 
+def as_video(codes: Any) -> Any:
+    """The picture as the last of four in H.264 at a quantizer of 37, 4:2:0; of even size."""
+    height, width = (side // 2 * 2 for side in codes.shape[:2])
+    file = io.BytesIO()
+    with av.open(file, "w", format="matroska") as out:
+        stream = out.add_stream("libx264", rate=24, options={"qp": "37"})
+        stream.width, stream.height, stream.pix_fmt = width, height, "yuv420p"
+        rgb = np.ascontiguousarray(codes[:height, :width])
+        for pts in range(4):
+            frame = av.VideoFrame.from_ndarray(rgb, "rgb24")
+            frame = frame.reformat(format="yuv420p", dst_colorspace="ITU709")
+            frame.pts = pts
+            out.mux(stream.encode(frame))
+        out.mux(stream.encode(None))
+    file.seek(0)
+    with av.open(file) as read:
+        *_, last = read.decode(video=0)
+        return last.reformat(format="rgb24", src_colorspace="ITU709").to_ndarray()
+
+
 def degraded(codes: Any) -> Any:
     """The picture as JPEG of quality 25."""
     _, data = cv2.imencode(".jpg", codes[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, 25])
@@ -136,15 +158,18 @@ def main() -> None:
         "phones": lambda: pairs(args.work),
         "films mapped down": lambda: films(args.work),
     }
-    print("| world | n | SDR dB | gain | worst | degraded: gain | worst | u'v' SDR | u'v' |")
-    print("|---|---|---|---|---|---|---|---|---|")
+    print(
+        "| world | n | SDR dB | gain | worst | JPEG: gain | worst | H.264: gain | worst |", end=""
+    )
+    print(" u'v' SDR | u'v' |\n" + "|---" * 11 + "|")
     for world, made in worlds.items():
         rows = []
         for name, codes, truth in made():
             row: list[Any] = [name, psnr_db(linear(codes), truth)]
-            for given in (codes, degraded(codes)):
+            for given in (codes, degraded(codes), as_video(codes)):
+                light, want = linear(given), truth[: given.shape[0], : given.shape[1]]
                 got = expand(given, settings).rgb.astype(np.float32)
-                row.append(psnr_db(got, truth) - psnr_db(linear(given), truth))
+                row.append(psnr_db(got, want) - psnr_db(light, want))
             got = expand(codes, settings).rgb.astype(np.float32)
             row += [colour_error(linear(codes), truth), colour_error(got, truth)]
             if jod:
@@ -153,12 +178,11 @@ def main() -> None:
         if not rows:
             continue
         at = [np.array([row[i] for row in rows]) for i in range(1, len(rows[0]))]
-        worst, low = (rows[int(np.argmin(at[i]))][0] for i in (1, 2))
-        line = f"| {world} | {len(rows)} | {at[0].mean():.1f} | {at[1].mean():+.2f} "
-        line += f"| {at[1].min():+.2f} ({worst}) | {at[2].mean():+.2f} "
-        line += f"| {at[2].min():+.2f} ({low}) "
-        line += f"| {np.nanmean(at[3]):.4f} | {np.nanmean(at[4]):.4f} |"
-        print(line + (f" JOD {at[5].mean():+.2f}, {at[5].min():+.2f}" if jod else ""), flush=True)
+        line = f"| {world} | {len(rows)} | {at[0].mean():.1f} "
+        for gains in at[1:4]:
+            line += f"| {gains.mean():+.2f} | {gains.min():+.2f} ({rows[int(gains.argmin())][0]}) "
+        line += f"| {np.nanmean(at[4]):.4f} | {np.nanmean(at[5]):.4f} |"
+        print(line + (f" JOD {at[6].mean():+.2f}, {at[6].min():+.2f}" if jod else ""), flush=True)
 
 
 if __name__ == "__main__":
