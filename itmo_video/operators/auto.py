@@ -19,7 +19,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from itmo_video.colour.luminance import luminance_of
+from itmo_video.colour.luminance import greatest_of, luminance_of
 from itmo_video.kernels import compiled_auto
 from itmo_video.kernels.dispatch import with_compiled_form
 from itmo_video.model import Float32, Half
@@ -72,15 +72,15 @@ def map_auto(rgb_linear: Float32, context: Context, wrap_x: bool = False) -> Flo
     colour = context.recall("colour", lambda: colour_of_bright(wide))
     lost = context.recall("lost", lambda: colour_lost(wide, colour)) * np.float32(1 / peak_stops)
     apart = bounded_parting(levels * known, colour, lost, peak_stops)
-    maps[..., :3] = decided_together(apart, wide, lost)[:, pad : pad + width]
+    opened = decided_together(apart, wide, lost)[:, pad : pad + width]
     seen = context.recall("rendering", lambda: rendering_of(rgb_linear))
     rendering = replace(seen, footage=context.footage)
-    clipped = np.ascontiguousarray(known.max(-1)[:, pad : pad + width])
+    clipped = np.ascontiguousarray(greatest_of(known)[:, pad : pad + width])
     sure = context.recall("certainty", lambda: certainty(shares, clipped, wrap_x))
     trusted = LEAST_TRUST + (1 - LEAST_TRUST) * ramp(sure, UNSURE, SURE)
     stops = mean_stops(shares, clipped, wrap_x)
     tested = context.recall("self_test", lambda: self_test(rgb_linear, stops, wrap_x))
-    maps[..., :3] *= np.float32(rendering.caution * trusted * tested)
+    maps[..., :3] = opened * np.float32(rendering.caution * trusted * tested)
     weight = curve_weight(wide, rendering, context.lamps)
     maps[..., 3] = weight[:, pad : pad + width]
     return maps
