@@ -166,7 +166,9 @@ def warp_map(key_map: Float32, flow: Float32) -> Float32:
     (height, width), (h, w) = key_map.shape[:2], flow.shape[:2]
     if (height, width) != (h, w):
         flow = cv2.resize(flow, (width, height), interpolation=cv2.INTER_LINEAR)
-        flow *= np.array([width / w, height / h], np.float32)
+        # By whole lines, as NumPy takes ten times as long for an inner axis of two.
+        lines = flow.reshape(height, 2 * width)
+        lines *= np.tile(np.array([width / w, height / h], np.float32), width)
     return warp(key_map, flow)
 
 
