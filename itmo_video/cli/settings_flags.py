@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
+from collections.abc import Collection
 
 from itmo_video.cli.config_file import preset_of, said
 from itmo_video.cli.option_flags import add_options
@@ -12,8 +13,8 @@ from itmo_video.presets import make_settings
 from itmo_video.settings import Settings
 
 
-def add_settings(parser: argparse.ArgumentParser) -> None:
-    """Add a flag for the preset and for each setting."""
+def add_settings(parser: argparse.ArgumentParser, without: Collection[str] = ()) -> None:
+    """Add a flag for the preset and for each setting but those in `without`."""
     group = parser.add_argument_group(
         "settings (also keys in a preset's TOML; defaults in parentheses)"
     )
@@ -23,7 +24,8 @@ def add_settings(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     group.add_argument("--no-config", action="store_true", help="ignore the user's config file")
     defaults = vars(make_settings())
-    add_options(group, Settings, defaults=defaults, negatable=True)
+    only = [name for name in defaults if name not in without]
+    add_options(group, Settings, only, defaults, negatable=True)
 
 
 def in_words(settings: Settings) -> str:

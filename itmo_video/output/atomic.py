@@ -184,9 +184,12 @@ def _sync_folder(folder: Path) -> None:
         os.close(descriptor)
 
 
+RESUMES = "then run the same command again to resume"
+
+
 def output_error(error: OSError, path: StrPath) -> OutputError:
     """An OutputError for a failure to write `path`, with a remedy."""
-    again = "then run the same command again to resume."
+    again = f"{RESUMES}."
     if error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG):
         what, remedy = "no space left on the disk", f"Free some space, {again}"
     elif error.errno in (errno.EACCES, errno.EPERM, errno.EROFS):

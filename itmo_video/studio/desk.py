@@ -28,6 +28,7 @@ from itmo_video.studio.session import PARTS, SCALES, Part, Session, Shown, Stale
 LANES = ("a", "b", "sdr", "layer", "lights", "still", "try", "play")
 SLOTS = ("a", "b")
 RENDERS = {"convert": "", "preview": ".mp4"}
+AGAIN = {"convert": "--update", "preview": "--overwrite"}
 
 
 class Desk:
@@ -42,7 +43,7 @@ class Desk:
     ) -> None:
         """Open the clip and start finding its cuts unless `document` already has its analysis."""
         run = run or RunOptions()
-        self._max_pixels = run.max_pixels
+        self._run = run
         self._session = Session(source, input_options(document.settings, run.max_pixels))
         self.info: ClipInfo = self._session.clip.info
         self.first_number = first_number(self.info, run.start_number)
@@ -210,7 +211,7 @@ class Desk:
             is_film = self.runner.progress.kind == "preview"
             output = "FILM.mp4" if is_film else "OUTPUT_DIR"
             kind = "preview" if is_film else "convert"
-            return command(now, self.info.path, output, preset, shots, kind)
+            return command(now, self.info.path, output, preset, shots, kind, self._run)
 
     @property
     def shots_need_saving(self) -> bool:
@@ -232,8 +233,11 @@ class Desk:
 
     # Render
 
-    def render(self, kind: str, name: str) -> Path:
-        """Start converting the clip to a folder, or to a film, next to the saved files."""
+    def render(self, kind: str, name: str, again: bool = False) -> Path:
+        """Start converting the clip to a folder, or to a film, next to the saved files.
+
+        With `again` frames of other settings, or the film, are rendered anew.
+        """
         if kind not in RENDERS:
             raise UsageError(f"{kind!r} is neither convert nor preview")
         output = self.saver.path(name, RENDERS[kind])
@@ -248,7 +252,8 @@ class Desk:
             if now.own_looks(self.info):
                 arguments += ["--analysis", str(private.save("shots", f"s{serial}", now, True))]
             arguments += ["--start-number", str(self.first_number)]
-            arguments += ["--max-pixels", str(self._max_pixels)]
+            arguments += ["--max-pixels", str(self._run.max_pixels)]
+            arguments += [AGAIN[kind]] if again else []
         self.runner.start(kind, arguments, output)
         return output
 
@@ -264,7 +269,7 @@ class Desk:
                 self.info.path,
                 self.history.now.settings,
                 start_number=self.first_number,
-                max_pixels=self._max_pixels,
+                max_pixels=self._run.max_pixels,
                 on_event=on_event,
             )
         except StaleError:

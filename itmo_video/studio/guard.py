@@ -27,7 +27,8 @@ class Guard:
 
     The Host header must name this machine and port, which stops DNS rebinding (a foreign name that
     resolves to 127.0.0.1). Origin and Sec-Fetch-Site, if the browser sends them, must match the
-    page's. The wrapped app sees the path without the token.
+    page's; only the page itself may also be opened from elsewhere, by one who knows the token. The
+    wrapped app sees the path without the token.
     """
 
     def __init__(self, app: App, token: str, port: int) -> None:
@@ -64,7 +65,13 @@ class Guard:
         origin = headers.get("origin", [])
         if origin and origin != [f"http://{hosts[0]}"]:
             return 403, "wrong Origin"
-        if set(headers.get("sec-fetch-site", [])) - {"same-origin", "none"}:
+        is_opening = (
+            scope["method"] == "GET"
+            and scope["path"] == f"/{self._token}/"
+            and headers.get("sec-fetch-mode") == ["navigate"]
+            and headers.get("sec-fetch-dest") == ["document"]
+        )
+        if not is_opening and set(headers.get("sec-fetch-site", [])) - {"same-origin", "none"}:
             return 403, "requested by another page"
         parts = scope["path"].split("/", 2)
         given = parts[1].encode("utf-8", "replace") if len(parts) == 3 else b""

@@ -109,8 +109,20 @@ class Runner:
         elif progress.is_ending:
             progress.state = "cancelled"
         else:
-            progress.message = "\n".join(told[-4:]) or f"exit code {code}"
+            progress.message = "\n".join(for_page(told[-4:], progress.kind)) or f"exit code {code}"
             progress.state = "failed"
+
+
+def for_page(lines: Sequence[str], kind: str) -> list[str]:
+    """What a command said, with remedies that can be had on the page in place of flags."""
+    may_render_again = "--update" if kind == "convert" else "--overwrite"
+    again = "Tick “Render again what is there”, or choose another name."
+    return [
+        again if may_render_again in line
+        else "Choose another name." if "--overwrite" in line
+        else line
+        for line in lines
+    ]  # fmt: skip
 
 
 def _gather(stream: Any, told: list[str]) -> None:

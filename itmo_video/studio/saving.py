@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import hashlib
 import os
 import shlex
@@ -11,12 +12,14 @@ from pathlib import Path
 from typing import Any
 
 from itmo_video.analysis.reading import parse_analysis
+from itmo_video.conversion.run_options import RunOptions
 from itmo_video.errors import InputError, OutputError, UsageError
 from itmo_video.options import flag_name
-from itmo_video.output.atomic import StrPath
+from itmo_video.output.atomic import RESUMES, StrPath
 from itmo_video.output.gate import ANALYSIS, Gate, Kind
 from itmo_video.presets import load_preset, overriding, read_preset
 from itmo_video.studio.document import Document
+from itmo_video.studio.studio_options import OF_RUN
 
 _NAME_BYTES = 255  # of a file, on nearly all systems
 _FORBIDDEN = '\\/:*?"<>|'
@@ -69,7 +72,11 @@ class Saver:
         data = preset_toml(document) if kind == "preset" else shots_json(document)
         self._refuse(path, kind, document, replace)
         replaces = replace or self.is_ours(path)
-        Gate(path, KINDS[kind], inputs=self._inputs, overwrite=replaces).write(data)
+        try:
+            Gate(path, KINDS[kind], inputs=self._inputs, overwrite=replaces).write(data)
+        except OutputError as error:
+            remedy = (error.remedy or "").replace(RESUMES, "then save again")
+            raise OutputError(error.what, where=error.where, remedy=remedy) from error
         self._written[path] = _digest(path)
         return path
 
@@ -128,6 +135,7 @@ def command(
     preset: Path | None,
     shots: Path | None,
     kind: str = "convert",
+    run: RunOptions | None = None,
 ) -> str:
     """The command that converts with this document (or makes a film), ready for a shell.
 
@@ -143,6 +151,9 @@ def command(
         words += ["--preset", os.path.abspath(named) if named.endswith(".toml") else named]
         for name, value in document.changed.items():
             words += _flag(name, value)
+    for f in dataclasses.fields(run) if run else ():
+        if f.name in OF_RUN and f.name != "analysis" and getattr(run, f.name) != f.default:
+            words += _flag(f.name, getattr(run, f.name))
     if shots is not None:
         words += ["--analysis", str(shots)]
     return " ".join(map(_quoted, words))

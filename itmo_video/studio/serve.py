@@ -26,10 +26,12 @@ def serve(
     options: StudioOptions,
     run: RunOptions,
     on_ready: Callable[[str], None],
+    on_opened: Callable[[], None],
 ) -> None:
     """Open the clip and serve its page on 127.0.0.1 until interrupted.
 
-    `on_ready` is called with the page's address, which contains the token that every request needs.
+    `on_ready` is called with the page's address, which contains the token that every request needs;
+    `on_opened` when a page has been opened.
     Of `run` only the start number and the size limit are used. Raises what opening the clip raises,
     and UsageError if the extra is not installed or the port is taken.
     """
@@ -56,7 +58,7 @@ def serve(
         listener.listen(64)
         taken = listener.getsockname()[1]
         token = secrets.token_urlsafe(24)
-        app = make_app(desk, token, taken)
+        app = make_app(desk, token, taken, on_opened)
         config = uvicorn.Config(
             app,
             log_level="warning",

@@ -31,14 +31,16 @@ T = TypeVar("T")
 Answer = Callable[[Request], Awaitable[Response]]
 
 
-def make_app(desk: Desk, token: str, port: int) -> App:
-    """The whole application, guarded."""
-    return Guard(Starlette(routes=_Api(desk).routes()), token, port)
+def make_app(
+    desk: Desk, token: str, port: int, on_opened: Callable[[], None] = lambda: None
+) -> App:
+    """The whole application, guarded; `on_opened` is called by each page that is opened."""
+    return Guard(Starlette(routes=_Api(desk, on_opened).routes()), token, port)
 
 
 class _Api:
-    def __init__(self, desk: Desk) -> None:
-        self._desk, self._site = desk, Site()
+    def __init__(self, desk: Desk, on_opened: Callable[[], None]) -> None:
+        self._desk, self._site, self._on_opened = desk, Site(), on_opened
 
     def routes(self) -> list[Route]:
         """All routes; anything else is 404."""
@@ -69,6 +71,7 @@ class _Api:
         )
 
     async def _about(self, request: Request) -> Response:
+        self._on_opened()
         return _json(state.about(self._desk))
 
     async def _state(self, request: Request) -> Response:
@@ -153,7 +156,7 @@ class _Api:
             self._desk.runner.cancel()
         else:
             kind, name = asking.text(asked, "kind"), asking.text(asked, "name")
-            await asyncio.to_thread(self._desk.render, kind, name)
+            await asyncio.to_thread(self._desk.render, kind, name, asked.get("again") is True)
         return _json(state.state(self._desk))
 
     def _change(self, do: str, asked: dict[str, Any]) -> Callable[[Document], Document]:

@@ -144,7 +144,8 @@ class Session:
                 raise ReplacedInputError(
                     f"the file {change} since the studio opened it",
                     where=os.fspath(path),
-                    remedy="Restore it, or restart the studio.",
+                    remedy="Save what you decided, then restart the studio. (Moving the file "
+                    "itself back helps, too; a copy does not count as the same file.)",
                 )
 
     def frame(self, index: int) -> Frame:

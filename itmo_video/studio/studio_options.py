@@ -7,6 +7,9 @@ from pathlib import Path
 
 from itmo_video.options import check_options, option
 
+# The options of a run that the studio takes; its renders and its command have them, too.
+OF_RUN = ("analysis", "start_number", "max_pixels")
+
 
 @dataclass(frozen=True)
 class StudioOptions:

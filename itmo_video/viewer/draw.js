@@ -68,8 +68,9 @@ function remembered(kind, picture, asked, make) {
   return table;
 }
 
-function drawFalse(out, picture, left, right, { gain, white, peak }) {
-  const paint = painter(bands(white, peak * white));
+// In one scale for all sides, that of `scaleWhite`, whatever white in nits each has.
+function drawFalse(out, picture, left, right, { gain, white, scaleWhite = white, peak }) {
+  const paint = painter(bands(scaleWhite, peak * scaleWhite));
   eachPixel(picture, left, right, (p) => { out[p] = paint(picture.luminance(p) * white * gain); });
 }
 
@@ -114,7 +115,8 @@ function drawTint(out, tint, picture, left, right) {
   });
 }
 
-// Draws `sides`, each {picture, view, from, to (0 to 1), gain, other, layer, mask, tint}.
+// Draws `sides`, each {picture, view, from, to (0 to 1), gain, other, layer, mask, tint,
+// and white, if it has another in nits than the rest}.
 export function draw(canvas, sides, common) {
   const { width, height } = sides[0].picture;
   if (canvas.width !== width || canvas.height !== height) Object.assign(canvas, { width, height });

@@ -83,7 +83,11 @@ class Page:
         self.settled()
 
     def until(self, holds: Callable[[], bool], otherwise: str) -> None:
-        until(holds, lambda: f"{otherwise}: {self.tab.inner_text('#status')} {self.stage()}")
+        def asked() -> bool:
+            self.tab.evaluate("1")  # events of the page are delivered only while it is asked
+            return holds()
+
+        until(asked, lambda: f"{otherwise}: {self.tab.inner_text('#status')} {self.stage()}")
 
     def stage(self) -> dict[str, str]:
         """What the stage says is drawn, and whether it is busy."""

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import dataclasses
 import os
+import shlex
 import subprocess
 import sys
 from pathlib import Path
@@ -12,7 +14,13 @@ import pytest
 from clips import moving_scene, write_ffv1
 
 from itmo_video import analyse, make_settings, read_analysis
+from itmo_video.cli.main import _parser
+from itmo_video.cli.option_flags import given
+from itmo_video.cli.parser_facts import commands_of
+from itmo_video.conversion.run_options import RunOptions
 from itmo_video.errors import OutputError, UsageError
+from itmo_video.options import Spec, flag_of, spec_of
+from itmo_video.settings import Settings
 from itmo_video.source.opening import open_clip
 from itmo_video.studio.desk import Desk
 from itmo_video.studio.document import (
@@ -24,7 +32,15 @@ from itmo_video.studio.document import (
     split,
     with_preset,
 )
-from itmo_video.studio.saving import ExistsError, Saver, command, plain_name, preset_toml
+from itmo_video.studio.saving import (
+    ExistsError,
+    Saver,
+    _flag,
+    command,
+    plain_name,
+    preset_toml,
+)
+from itmo_video.studio.studio_options import StudioOptions
 
 
 @pytest.fixture(scope="module")
@@ -174,6 +190,48 @@ def test_the_command_is_quoted() -> None:
     )
     film = command(Document("paper"), "a.mp4", "b.mp4", None, None, "preview")
     assert film == "itmo-video preview a.mp4 b.mp4 --preset paper"
+
+
+def of_another_value(spec: Spec, default: Any) -> Any:
+    if spec.kind is bool:
+        return not default
+    if spec.choices and spec.kind is not tuple:
+        return next(name for name in spec.choices if name != default)
+    if spec.kind in (int, float):
+        return next(
+            n for n in (4, 256, 300, 5000, 2, 0.5)
+            if n != default and (spec.lower or 0) <= n <= (spec.upper or n)
+        )  # fmt: skip
+    return "other"
+
+
+def test_the_command_has_every_option_that_the_studio_takes(tmp_path: Path) -> None:
+    """Those of settings, and those of a run; where and how the page is served is the studio's."""
+    parser = _parser()
+    special = {"layers": "gain", "operator_params": {"key": 0.3}, "timecode": "01:00:00:00",
+               "fps": "24000/1001", "operator": "drago2003"}  # fmt: skip
+    commands = {command.name: command.flags for command in commands_of(parser)}
+    own = {f"--{flag_of(f)}" for f in dataclasses.fields(StudioOptions)}
+    own |= {"-h", "--no-config", "--preset", "--analysis"}
+    taken = {flag.names[0] for flag in commands["studio"]} - own
+    said: dict[str, Any] = {}
+    for kind in (Settings, RunOptions):
+        for f in dataclasses.fields(kind):
+            if f"--{flag_of(f)}" not in taken:
+                continue
+            taken.remove(f"--{flag_of(f)}")
+            said = {**said, f.name: special.get(f.name) or of_another_value(spec_of(f), f.default)}
+    assert not taken, "options that are carried nowhere"
+    assert "raw" not in said, "it is for pipes"
+    flags = [word for name, value in said.items() for word in _flag(name, value)]
+    asked = parser.parse_args(["studio", "clip.mp4", *flags])
+    run = RunOptions(**given(asked, RunOptions))
+    document = Document("default", given(asked, Settings))
+    told = shlex.split(command(document, "clip.mp4", "out", None, None, run=run))
+    again = parser.parse_args(told[1:])
+    assert set(given(asked, Settings)) | set(given(asked, RunOptions)) == set(said)
+    assert given(again, Settings) == given(asked, Settings)
+    assert given(again, RunOptions) == given(asked, RunOptions)
 
 
 def test_the_command_says_every_value_whole(tmp_path: Path) -> None:

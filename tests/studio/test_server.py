@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import os
 import shutil
@@ -21,11 +22,14 @@ from itmo_video import make_settings
 from itmo_video.analysis.analyse import analyse
 from itmo_video.conversion.convert import convert
 from itmo_video.conversion.run_options import RunOptions
-from itmo_video.errors import UsageError
+from itmo_video.errors import OutputError, UsageError
+from itmo_video.output.atomic import output_error
 from itmo_video.output.exr import read_exr
+from itmo_video.output.gate import Gate
 from itmo_video.studio.desk import Desk
-from itmo_video.studio.document import OF_OPENING, Document
+from itmo_video.studio.document import OF_OPENING, Document, set_values
 from itmo_video.studio.latest import Latest
+from itmo_video.studio.running import for_page
 from itmo_video.studio.server import make_app
 from itmo_video.studio.session import StaleError
 
@@ -316,6 +320,12 @@ def test_strangers_are_refused(desk: Desk) -> None:
     assert client.get(good, headers={"host": f"localhost:{PORT}"}).status_code == 200
     for origin in ("http://evil.example", "null", "https://127.0.0.1:4711", "http://127.0.0.1"):
         assert client.get(good, headers={"origin": origin}).status_code == 403, origin
+    told = {"sec-fetch-site": "cross-site", "sec-fetch-mode": "navigate"}
+    opening = {**told, "sec-fetch-dest": "document"}
+    assert client.get(f"/{TOKEN}/", headers=opening).status_code == 200, "a link to the page"
+    for path, headers in ((good, opening), (f"/{TOKEN}/main.js", opening), (f"/{TOKEN}/", told),
+                          ("/wrong/", opening)):  # fmt: skip
+        assert client.get(path, headers=headers).status_code == 403, path
     assert client.get(good, headers={"origin": BASE}).status_code == 200
     for site in ("cross-site", "same-site"):
         assert client.get(good, headers={"sec-fetch-site": site}).status_code == 403, site
@@ -349,6 +359,41 @@ def test_a_render_goes_to_its_end(client: TestClient, tmp_path: Path) -> None:
     assert progress["state"] == "done", progress
     assert (progress["done"], progress["of"]) == (14, 14)
     assert len(list((tmp_path / "out").glob("*.exr"))) == 14
+
+
+def test_a_look_is_rendered_again_where_another_was(desk: Desk, clip: Path, tmp_path: Path) -> None:
+    convert(clip, tmp_path / "out", make_settings(), RunOptions(frames="1", jobs=1))
+    desk.edit(lambda document: set_values(document, {"strength": 0.4}, None))
+    desk.render("convert", "out")
+    assert desk.runner._follower is not None
+    desk.runner._follower.join(60)
+    assert desk.runner.progress.state == "failed"
+    assert "Tick “Render again" in desk.runner.progress.message
+    assert "--" not in desk.runner.progress.message, "flags cannot be given on the page"
+    desk.render("convert", "out", again=True)
+    desk.runner._follower.join(60)
+    assert desk.runner.progress.state == "done", desk.runner.progress.message
+
+
+@pytest.mark.parametrize("kind", ["convert", "preview"])
+def test_remedies_can_be_had_on_the_page(kind: str) -> None:
+    said = ["x: why", "Choose another folder, or use --overwrite.", "Use --update, --overwrite."]
+    told = for_page(said, kind)
+    assert told[0] == "x: why"
+    assert "--" not in "".join(told)
+    assert ("Tick" in told[1]) == (kind == "preview")
+
+
+def test_a_full_disk_is_told_so_that_one_can_go_on(
+    desk: Desk, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(self: Gate, data: bytes) -> None:
+        raise output_error(OSError(errno.ENOSPC, "full"), tmp_path)
+
+    monkeypatch.setattr(Gate, "write", full)
+    with pytest.raises(OutputError) as raised:
+        desk.save("preset", "look", False)
+    assert raised.value.remedy == "Free some space, then save again."
 
 
 def test_a_render_is_cancelled_and_failures_are_told(desk: Desk, tmp_path: Path) -> None:

@@ -32,6 +32,11 @@ async function fetched(path, options) {
 
 export const get = async (path) => (await fetched(path)).json();
 
+export async function file(path) {
+  const response = await fetched(path);
+  return new Blob([await response.arrayBuffer()], { type: response.headers.get("content-type") });
+}
+
 const posted = (path, body) => fetched(path, {
   method: "POST", headers: { "content-type": "application/json" }, body: JSON.stringify(body),
 });

@@ -34,12 +34,21 @@ export async function saveAll() {
   if (await save("preset") && S.state.is_analysed) await save("shots");
 }
 
+// Why the last render was not even begun: said in the dialog, which covers the line at the bottom.
+let refusal = "";
 async function render(kind) {
   await committed();
+  refusal = "";
+  const name = byId("render-name").value.trim(), again = byId("render-again").checked;
   try {
-    take(await post("api/render", { kind, name: byId("render-name").value.trim() }));
+    take(await post("api/render", { kind, name, again }));
+    byId("render-again").checked = false;  // each time it is asked for anew
     follow();
-  } catch (error) { failed(error); }
+  } catch (error) {
+    refusal = error.message;
+    failed(error);
+  }
+  update();
 }
 
 const minutes = (s) => (s >= 90 ? `${Math.round(s / 60)} min` : `${Math.ceil(s)} s`);
@@ -59,8 +68,8 @@ function update() {
   byId("unsaved").hidden = !S.state.shots_need_saving;
   byId("render-progress").hidden = !isRunning;
   byId("render-progress").value = r.of ? r.done / r.of : 0;
-  byId("render-says").textContent = words(r);
-  byId("render-says").classList.toggle("error", r.state === "failed");
+  byId("render-says").textContent = refusal || words(r);
+  byId("render-says").classList.toggle("error", Boolean(refusal) || r.state === "failed");
   byId("render-badge").textContent = isRunning && r.of ? ` ${Math.floor(100 * r.done / r.of)} %` : "";
   document.title = `${isRunning && r.of ? `${Math.floor(100 * r.done / r.of)} % ` : ""}${S.about.name} – studio`;
   for (const id of ["render-convert", "render-preview"]) byId(id).disabled = isRunning;
@@ -89,6 +98,8 @@ function onName(kind, act, button) {
 
 export function showFiles() {
   says("");
+  refusal = "";
+  update();
   byId("files").showModal();
 }
 

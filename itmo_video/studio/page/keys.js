@@ -12,6 +12,7 @@ import { compare, compared, expose, flip, nextScope, setView, showStill, tone, V
 
 const byId = (id) => document.getElementById(id);
 const step = (by) => { pause(); go(S.index + by); };
+const second = () => Math.max(1, Math.round(S.about.rate));
 const keepB = async () => {
   if (await edit({ do: "keep_other" })) told("The current settings are kept as B.");
 };
@@ -22,8 +23,8 @@ const KEYS = [
     [[" ", "k"], "play or pause", toggle], [["l"], "play; press again for faster", () => shuttle(1)],
     [["j"], "play backwards; press again for faster", () => shuttle(-1)],
     [["ArrowRight"], "next frame", () => step(1)], [["ArrowLeft"], "previous frame", () => step(-1)],
-    [["Shift+ArrowRight"], "one second forward", () => step(Math.round(S.about.rate))],
-    [["Shift+ArrowLeft"], "one second back", () => step(-Math.round(S.about.rate))],
+    [["Shift+ArrowRight"], "one second forward", () => step(second())],
+    [["Shift+ArrowLeft"], "one second back", () => step(-second())],
     [["ArrowDown"], "next shot", () => cut(1)], [["ArrowUp"], "previous shot", () => cut(-1)],
     [["Home"], "first frame", () => go(0)], [["End"], "last frame", () => go(S.about.frames - 1)],
     [["p"], "loop two seconds around this frame, or stop looping", loopHere],

@@ -12,7 +12,11 @@ import { compared } from "./views.js";
 
 const byId = (id) => document.getElementById(id);
 const LAYERS = { map: "expand_map", gain: "gain" };
-let screen, turn = 0, shown = null, drawing = 0;
+let screen, turn = 0, shown = null, drawing = 0, lit = null;
+
+// SDR white in nits, of A or of B.
+const whiteOf = (slot) =>
+  ((slot === "b" ? S.state.other : null) ?? S.state.document).settings.white_nits;
 
 // The pictures that the current view consists of, by role.
 function needs(index, scale) {
@@ -46,6 +50,7 @@ export async function show() {
   const mine = ++turn, index = S.index, quick = quickScale();
   const began = performance.now();
   busy("frame", true);
+  fetchLights();
   try {
     const isThere = Object.values(needs(index, 1)).every(has);
     for (const scale of quick > 1 && !isThere ? [quick, 1] : [1]) {
@@ -85,11 +90,12 @@ function sides() {
   const isSdr = S.only === "sdr" && S.split === "off";
   const right = {
     picture: main, other, layer, mask, view: S.view, from: 0, to: 1,
-    gain: gainOf(isSdr ? "sdr" : "hdr"), toneMap: isSdr ? "clip" : S.toneMap,
+    white: whiteOf(S.slot), gain: gainOf(isSdr ? "sdr" : "hdr"), toneMap: isSdr ? "clip" : S.toneMap,
   };
   if (S.split === "off" || !other) return [right];
   const isB = S.split === "b", view = S.view === "false" ? "false" : "picture";
   const left = { picture: other, view, from: 0, to: screen.split, mask: null,
+    white: whiteOf(isB ? "b" : "a"),
     gain: gainOf(isB ? "hdr" : "sdr"), toneMap: isB ? S.toneMap : "clip" };
   return [left, { ...right, from: screen.split }];
 }
@@ -102,13 +108,13 @@ export function paint() {
     busy("drawing", false);
     if (!shown) return;
     const began = performance.now();
-    const white = S.state.document.settings.white_nits;
-    draw(byId("picture"), sides(), { white, peak: peak() });
+    const white = whiteOf(S.slot);
+    draw(byId("picture"), sides(), { white, scaleWhite: white, peak: peak() });
     const stage = byId("stage");
     Object.assign(stage.dataset, { frame: number(shown.index), scale: shown.scale,
       version: shown.version, draw: Math.round(performance.now() - began), view: S.view,
       compare: compared(), tone: S.toneMap, mask: S.mask, exposures: [S.exposure.sdr, S.exposure.hdr] });
-    screen.shows = { divider: S.split !== "off", lights: S.lights };
+    screen.shows = { divider: S.split !== "off", lights: S.lights && !S.playing };
     screen.mark();
     labels(white);
     tell();
@@ -135,17 +141,17 @@ function labels(white) {
 function tell() {
   const out = byId("probe");
   if (!screen.probe || !shown) return;
-  const { main, other } = shown, white = S.state.document.settings.white_nits;
+  const { main, other } = shown;
   const [x, y] = screen.probe;
-  const line = (name, picture) => {
+  const line = (name, picture, white) => {
     const told = probe(picture, picture.at(x, y), white);
     const stops = told.stops === null ? "black"
       : `${told.stops >= 0 ? "+" : "−"}${Math.abs(told.stops).toFixed(2)} stops`;
     const uv = told.uv ? `u′v′ ${told.uv.map((v) => v.toFixed(4)).join(" ")}` : "";
     return [name, `${short(told.nits)} nits`, stops, uv, told];
   };
-  const rows = [line(byId("right-label").textContent, main)];
-  if (other) rows.push(line(S.split === "b" ? "B" : "SDR", other));
+  const rows = [line(byId("right-label").textContent, main, whiteOf(S.slot))];
+  if (other) rows.push(S.split === "b" ? line("B", other, whiteOf("b")) : line("SDR", other, whiteOf("a")));
   Object.assign(out.dataset, { nits: rows[0][4].nits, rgb: rows[0][4].rgb.join(","),
     x: Math.floor(x * main.width), y: Math.floor(y * main.height), scale: shown.scale });
   out.replaceChildren(...rows.map((cells) => {
@@ -159,12 +165,23 @@ function tell() {
   }));
 }
 
+// The lights of the frame shown, and of no other: not while playing, and no late answer.
 async function fetchLights() {
-  if (!S.lights || S.playing) return;
+  const { index, slot } = S, asked = `${index} ${slot} ${S.state.version}`;
+  if (!S.lights || S.playing || lit === asked) return;
+  lit = asked;
+  screen.lights = [];
+  delete byId("stage").dataset.lights;
   try {
-    screen.lights = await get(`api/lights?index=${S.index}&slot=${S.slot}&page=${PAGE}`);
+    const found = await get(`api/lights?index=${index}&slot=${slot}&page=${PAGE}`);
+    if (lit !== asked) return;
+    screen.lights = found;
+    byId("stage").dataset.lights = number(index);
     screen.mark();
-  } catch (error) { failed(error); }
+  } catch (error) {
+    if (lit === asked) lit = null;
+    failed(error);
+  }
 }
 
 export function openStage() {
@@ -172,8 +189,10 @@ export function openStage() {
     box: byId("box"), canvas: byId("picture"), overlay: byId("overlay"), divider: byId("divider"),
     size: S.about.size, aspect: S.about.pixel_aspect, onProbe: tell, onDivide: paint,
   });
-  on("frame look", () => { if (!S.playing) { show(); fetchLights(); } });
-  on("view", () => { if (!S.playing) { show(); fetchLights(); } else paint(); screen.setZoom(S.zoom); });
+  const [width, height] = S.about.size;
+  byId("box").style.setProperty("--aspect", width * S.about.pixel_aspect / height);
+  on("frame look", () => { if (!S.playing) show(); });
+  on("view", () => { if (!S.playing) show(); else paint(); screen.setZoom(S.zoom); });
   new ResizeObserver(() => shown && paint()).observe(byId("scope"));
   show();
 }

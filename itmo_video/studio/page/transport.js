@@ -54,7 +54,7 @@ export function play(step) {
         due = Math.max(due + 1000 / S.about.rate, now - 50);
       }
     }
-    if (now - counted > 1000) {
+    if (now - counted > Math.max(1000, 3000 / S.about.rate)) {
       told(`Playing at ${(shownCount / (now - counted) * 1000).toFixed(1)} of `
         + `${S.about.rate.toFixed(2)} fps${S.loop ? ", looping" : ""}`);
       shownCount = 0;
@@ -81,7 +81,7 @@ export const shuttle = (sign) =>
 // A loop of two seconds around the frame, within its shot.
 export function loopHere() {
   if (S.loop) { S.loop = null; emit("state"); return; }
-  const half = Math.round(S.about.rate), last = S.about.frames - 1;
+  const half = Math.max(1, Math.round(S.about.rate)), last = S.about.frames - 1;
   const shot = S.state.document.shots.find((s) =>
     s.first <= S.index + S.about.first_number && S.index + S.about.first_number <= s.last);
   const low = shot ? shot.first - S.about.first_number : 0;

@@ -1,8 +1,8 @@
 // Viewing options: view, compare, exposures, overlays, scope, zoom, and the HDR still.
 
 import { ACES } from "viewer/aces.js";
-import { PAGE } from "./api.js";
-import { change, on, S, told } from "./store.js";
+import { file, PAGE } from "./api.js";
+import { change, failed, on, S, told } from "./store.js";
 
 const byId = (id) => document.getElementById(id);
 export const VIEWS = [["picture", "Picture"], ["false", "False colour"], ["difference", "Difference"],
@@ -38,17 +38,46 @@ const SCOPES = ["waveform", "histogram", "vectorscope"];
 export const nextScope = () =>
   change({ scope: SCOPES[(SCOPES.indexOf(S.scope) + 1) % 3] }, "view");
 
-// The frame as an AVIF in PQ, which a browser on an HDR display shows as HDR.
-export function showStill() {
-  const image = byId("still"), isOn = image.hidden;
-  if (!isOn) { image.hidden = true; image.removeAttribute("src"); update(); return; }
+// The frame as an AVIF in PQ, which a browser on an HDR display shows as HDR. It is dropped once
+// anything else is to be seen, also while it is on its way.
+let stills = 0, isComing = false;
+export async function showStill() {
+  const image = byId("still");
+  if (!image.hidden) { dropStill(); return; }
+  document.dispatchEvent(new Event("studio-pause"));
+  const mine = ++stills;
+  isComing = true;
   told("Rendering an HDR still …");
-  image.onload = () => { image.hidden = false; update(); told(hasHdr()
-    ? "HDR still (AVIF, PQ), shown as HDR."
-    : "HDR still (AVIF, PQ). This display is not HDR, so the browser tone-maps it."); };
-  image.onerror = () => told("This browser cannot show HDR stills (AVIF).", true);
-  image.src = `api/still.avif?index=${S.index}&slot=${S.slot}&page=${PAGE}&v=${S.state.version}`;
+  try {
+    const url = URL.createObjectURL(await file(
+      `api/still.avif?index=${S.index}&slot=${S.slot}&page=${PAGE}&v=${S.state.version}`));
+    if (mine === stills) image.src = url;
+    const isShown = mine === stills && await image.decode().then(() => true, () => false);
+    URL.revokeObjectURL(url);
+    if (mine !== stills) return;
+    isComing = false;
+    if (!isShown) return told("This browser cannot show HDR stills (AVIF).", true);
+    image.hidden = false;
+    update();
+    told(hasHdr() ? "HDR still (AVIF, PQ), shown as HDR."
+      : `HDR still (AVIF, PQ). ${NOT_HDR}`);
+  } catch (error) {
+    if (mine !== stills) return;
+    isComing = false;
+    failed(error);
+  }
 }
+function dropStill() {
+  const image = byId("still");
+  if (image.hidden && !isComing) return;
+  stills++;
+  if (isComing) told("");
+  isComing = false;
+  image.hidden = true;
+  image.removeAttribute("src");
+  update();
+}
+const NOT_HDR = "This display is not HDR, and the browser may show the still wrongly.";
 const hasHdr = () => window.matchMedia("(dynamic-range: high)").matches;
 
 function radios(element, list, name, onChoose) {
@@ -75,7 +104,7 @@ function update() {
   byId("zoom").textContent = S.zoom === "fit" ? "Fit" : "100 %";
   byId("hdr-still").setAttribute("aria-pressed", String(!byId("still").hidden));
   byId("hdr-still").title = hasHdr() ? "Show this frame in true HDR (H)"
-    : "This display is not HDR: the browser would tone-map the still (H)";
+    : `Show this frame as an HDR still. ${NOT_HDR} (H)`;
 }
 
 export function openViews() {
@@ -96,9 +125,6 @@ export function openViews() {
   byId("zoom").addEventListener("click", zoom);
   byId("hdr-still").addEventListener("click", showStill);
   on("view", update);
-  on("frame look view", () => {
-    const image = byId("still");
-    if (!image.hidden) { image.hidden = true; image.removeAttribute("src"); update(); }
-  });
+  on("frame look view", dropStill);
   update();
 }
