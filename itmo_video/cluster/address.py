@@ -40,7 +40,9 @@ def check_address(address: str) -> None:
     try:
         scheme, place = parse_address(address)
         get_backend(scheme)
-        if scheme == "inproc":
+        if scheme == "inproc":  # of this process: host/process/number
+            if place.count("/") != 2:
+                raise ValueError(f"no scheduler of this process is called {place!r}")
             return
         host, port = parse_host_port(place)
         if not (host and 0 < int(port) < 65536):
