@@ -110,6 +110,20 @@ def test_keys_in_fields(browser: Any, address: str, tmp_path: Path) -> None:
     changed = page.get("state")["document"]["changed"]
     assert changed == {"strength": 0.7, "peak_nits": 777}
 
+    # Nothing is saved without what was typed, if that is refused, by the page or by the studio
+    saves: list[str] = []
+    tab.on("request", lambda r: saves.append(r.url) if "api/save" in r.url else None)
+    for value, why in (("5000000", "1000000"), ("150", "below")):
+        field.fill(value)
+        tab.keyboard.press("Control+s")
+        tab.wait_for_selector("#status.error")
+        page.until(lambda why=why: why in tab.inner_text("#status"), "it is not told")
+    field.fill("800")
+    tab.keyboard.press("Control+s")
+    page.until(lambda: ".json" in tab.inner_text("#status"), "it is not saved")
+    assert len(saves) == 2
+    assert "peak-nits = 800" in (tmp_path / "cut_and_flash.toml").read_text()
+
     # A frame that does not exist is refused, and the page goes on
     page.go(12)
     tab.fill("#frame-number", "2.5")
@@ -128,7 +142,7 @@ def test_keys_in_fields(browser: Any, address: str, tmp_path: Path) -> None:
         )
         page.settled(compare=drawn)
     page.until(lambda: page.get("state")["other"] is not None, "Shift+B is not found")
-    assert page.told == []
+    assert all("422" in line for line in page.told), page.told
 
 
 def test_no_edit_is_lost_on_a_slow_server(browser: Any, address: str) -> None:

@@ -48,7 +48,7 @@ async function send() {
   }
   isSending = false;
   busy("edits", false);
-  for (const resolve of idle.splice(0)) resolve();
+  for (const resolve of idle.splice(0)) resolve(!refused);
   if (refused) failed(refused); else told("");
 }
 
@@ -58,10 +58,14 @@ export function pending(shot) {
   return Object.assign({}, ...sets.map(({ values }) => values));
 }
 
-// Ends the typing in a field, as leaving it does, and waits until all edits are made.
+// Ends the typing in a field, as leaving it does, and waits until all edits are made; false if a
+// value was refused, so that nothing is done without it.
 const idle = [];
 export async function committed() {
   const { activeElement: field } = document;
-  if (field?.matches("input, select")) field.blur();
-  if (waiting.length) await new Promise((resolve) => { idle.push(resolve); });
+  if (field?.matches("input, select")) {
+    if (!field.reportValidity()) { told(field.validationMessage, true); return false; }
+    field.blur();
+  }
+  return waiting.length ? new Promise((resolve) => { idle.push(resolve); }) : true;
 }

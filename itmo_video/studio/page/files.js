@@ -15,8 +15,8 @@ function says(text, isError = false) {
 
 async function save(kind, replace = false) {
   const name = byId(`${kind}-name`).value.trim();
+  if (!(await committed())) return false;
   says("");
-  await committed();
   try {
     const { path, state, exists } = await post("api/save", { kind, name, replace });
     if (exists) return window.confirm(exists) ? save(kind, true) : false;
@@ -37,7 +37,7 @@ export async function saveAll() {
 // Why the last render was not even begun: said in the dialog, which covers the line at the bottom.
 let refusal = "";
 async function render(kind) {
-  await committed();
+  if (!(await committed())) return;
   refusal = "";
   const name = byId("render-name").value.trim(), again = byId("render-again").checked;
   try {

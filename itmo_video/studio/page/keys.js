@@ -84,7 +84,7 @@ async function pressed(e) {
   const action = BY_KEY.get(name);
   if (!action) return;
   e.preventDefault();
-  if (isCommand) await committed();
+  if (isCommand && !(await committed())) return;
   action(e);
 }
 

@@ -32,7 +32,7 @@ function holdWhileEditing(panel) {
   panel.addEventListener("focusout", () => release("field"));
   // A list that is closed keeps the focus, but no longer edits.
   panel.addEventListener("change", ({ target: t }) => { if (t.matches("select")) release("field"); });
-  panel.addEventListener("pointerdown", () => hold("pointer"));
+  panel.addEventListener("pointerdown", ({ target: t }) => { if (!t.matches("select")) hold("pointer"); });
   for (const end of ["pointerup", "pointercancel"])  // once its change and click are handled
     window.addEventListener(end, () => setTimeout(() => release("pointer")));
 }

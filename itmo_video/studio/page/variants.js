@@ -68,7 +68,7 @@ export function openVariants() {
 // Of one frame, with all that was typed before.
 export async function showVariants() {
   pause();
-  await committed();
+  if (!(await committed())) return;
   byId("variants").showModal();
   fill().catch(failed);
 }
