@@ -300,7 +300,7 @@ def test_nobody_answers(clip: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPa
 @pytest.mark.parametrize(
     "address",
     ["nonsense://", "nohost.invalid:1", "tcp://nohost.invalid:8786", "localhost", "tcp://:8786",
-     "tcp://127.0.0.1:99999", "127.0.0.1:x", "", "tcp://a b:1"],
+     "tcp://127.0.0.1:99999", "127.0.0.1:x", "", "tcp://a b:1", "inproc://x"],
 )  # fmt: skip
 def test_a_bad_address_is_wrong_usage_and_leaves_nothing(
     address: str, clip: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
