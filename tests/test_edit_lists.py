@@ -20,6 +20,8 @@ from itmo_video.cli.main import main
 from itmo_video.errors import InputError, ItmoError, UsageError
 from itmo_video.model import ClipInfo
 
+pytest.importorskip("opentimelineio", reason="opentimelineio is not installed")
+
 EDL = """TITLE: CUT
 FCM: NON-DROP FRAME
 
