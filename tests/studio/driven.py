@@ -49,6 +49,7 @@ class Page:
         view = {"width": width, "height": height}
         self.context = beside.context if beside else browser.new_context(viewport=view)
         self.tab = self.context.new_page()
+        self.tab.set_default_timeout(PATIENCE_S * 1e3)
         self.told: list[str] = []
         base = address.rsplit("/", 2)[0]
         self.tab.on("console", lambda message: self.told.append(f"console: {message.text}"))
