@@ -179,7 +179,7 @@ def test_ffprobe_sees_them(clip: Path, tmp_path: Path) -> None:
         assert video["pix_fmt"] == "yuv420p10le"
 
 
-@pytest.mark.parametrize("size", [(1, 1), (2, 1), (1, 2), (3, 5)])
+@pytest.mark.parametrize("size", [(1, 1), (2, 1), (1, 2), (3, 5), (4, 1), (1, 4)])
 def test_stills_of_tiny_pictures(size: tuple[int, int], tmp_path: Path) -> None:
     source = tmp_path / "t.png"
     cv2.imwrite(str(source), np.full((size[1], size[0], 3), 200, np.uint8))
@@ -187,3 +187,4 @@ def test_stills_of_tiny_pictures(size: tuple[int, int], tmp_path: Path) -> None:
         path = made(source, tmp_path / name, "--frame", "1")
         assert cv2.imread(str(path)).shape == (size[1], size[0], 3)
     made(source, tmp_path / "dim.png", "--frame", "1", "--display-peak", "400")
+    made(source, tmp_path / "hlg.png", "--frame", "1", "--as", "hlg")

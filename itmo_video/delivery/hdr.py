@@ -181,9 +181,9 @@ def _hlg_scene(nits: Planes, peak_nits: float) -> Planes:
     """Display light to scene light, 0 to 1: BT.2100's inverse OOTF, without black lift."""
     r, g, b = luminance_weights("rec2020")
     y = cv2.scaleAdd(nits[2], b, cv2.addWeighted(nits[0], r, nits[1], g, 0))
-    y = cv2.max(cv2.multiply(y, 1 / peak_nits), _POWER_FLOOR)
+    y = cv2.max(y * np.float32(1 / peak_nits), _POWER_FLOOR)  # OpenCV takes 4x1 for a scalar
     gamma = hlg_gamma(peak_nits)
-    scale = cv2.multiply(cv2.pow(y, (1 - gamma) / gamma), 1 / peak_nits)
+    scale = cv2.pow(y, (1 - gamma) / gamma) * np.float32(1 / peak_nits)
     return _three([cv2.min(cv2.multiply(plane, scale), 1.0) for plane in nits], nits[0].shape)
 
 
