@@ -120,13 +120,13 @@ def test_a_pattern_that_no_shell_filled_in(
             lambda c, o: list(
                 expand_frames([np.zeros((8, 8, 3), np.uint8), np.zeros((8, 8, 3), np.float32)])
             ),
-            "it is of float32, the first of uint8",
+            "is float32, but the first is uint8",
         ),
         (
             lambda c, o: list(
                 expand_frames([np.zeros((8, 8, 3), np.uint16), np.zeros((8, 8, 3), np.uint8)])
             ),
-            "it is of uint8",
+            "is uint8, but the first is uint16",
         ),
     ],
 )
@@ -200,7 +200,12 @@ def test_several_inputs_are_told_apart(
     assert main(["convert", str(clip), str(other), str(tmp_path / "o"), "--lights", "16"]) == 0
     for line in capsys.readouterr().err.splitlines():
         told = (clip, other, tmp_path / "o/c/", tmp_path / "o/other/")
-        assert any(line.startswith(f"itmo-video: {name}") for name in told), line
+        is_of = [
+            line.startswith(f"itmo-video: {of}{name}")
+            for of in ("", "1 of 2: ", "2 of 2: ")
+            for name in told
+        ]
+        assert any(is_of), line
 
 
 def test_what_is_open_says_so(clip: Path) -> None:
