@@ -37,3 +37,10 @@ def chromium() -> Iterator[Any]:
         opened = play.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
         yield opened
         opened.close()
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Any]:
+    """One browser for a module's tests."""
+    with chromium() as opened:
+        yield opened

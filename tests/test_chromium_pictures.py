@@ -12,7 +12,6 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 import pytest
-from browser import chromium
 from clips import moving_scene, write_ffv1
 
 from itmo_video import PreviewOptions, preview
@@ -65,7 +64,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def tab(folder: Path) -> Iterator[Any]:
+def tab(browser: Any, folder: Path) -> Iterator[Any]:
     """A page of a secure origin that is this folder; nothing is asked of a network."""
 
     def serve(route: Any) -> None:
@@ -75,11 +74,11 @@ def tab(folder: Path) -> Iterator[Any]:
         else:
             route.fulfill(body="<!doctype html><title>pictures</title>", content_type="text/html")
 
-    with chromium() as browser:
-        page = browser.new_page()
-        page.route("https://pictures.test/**", serve)
-        page.goto("https://pictures.test/")
-        yield page
+    page = browser.new_page()
+    page.route("https://pictures.test/**", serve)
+    page.goto("https://pictures.test/")
+    yield page
+    page.close()
 
 
 def seen(tab: Any, name: str) -> dict[str, Any]:

@@ -14,7 +14,7 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
-from browser import PATIENCE_S, chromium, until
+from browser import PATIENCE_S, until
 from clips import moving_scene, write_ffv1
 
 from itmo_video import analyse, make_settings
@@ -149,12 +149,6 @@ def test_plots_stay_in_their_box() -> None:
     line = plots.Line("x", [0.0, 5000.0, float("nan"), 1.0])
     drawn = plots.draw(plots.Plot("t", "u", [line], [1, 2, 3, 4], is_log=True))
     assert all(plots.TOP <= y <= plots.HEIGHT - plots.BOTTOM for y, _ in drawn.y_ticks)
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Any]:
-    with chromium() as opened:
-        yield opened
 
 
 @pytest.fixture

@@ -15,9 +15,8 @@ sys.path.insert(0, str(ROOT / "tests"))
 sys.path.insert(0, str(ROOT / "tests" / "studio"))
 
 from browser import chromium  # noqa: E402 - of the tests, found by the lines above
-from driven import Page, studio  # noqa: E402
+from driven import CLIP, Page, studio  # noqa: E402
 
-CLIP = ROOT / "sample_clips" / "cut_and_flash.mp4"
 IMAGES = ROOT / "docs" / "images"
 
 

@@ -56,7 +56,7 @@ class Progress:
             self._tell(json.dumps(as_json(event)))
         match event:
             case Started(source, output, frames, present):
-                self._name, self._output = self._placed(source), output
+                self._name, self._output = f"{self._place}{_named(source)}", output
                 self._began = time.monotonic()
                 to = f" to {output}" if output else ""
                 there = f", {present} already present" if present else ""
@@ -79,10 +79,9 @@ class Progress:
 
         At the end, the line is terminated.
         """
-        self._name = self._placed(source)
+        self._name = f"{self._place}{_named(source)}"
         if self._has_bar:
-            opening = f"{self._place}opening {self._name.removeprefix(self._place)}"
-            self._show(opening[: width_of(self._stream) - 1])
+            self._show(f"{self._place}opening {_named(source)}"[: width_of(self._stream) - 1])
         try:
             yield self.on_event
         finally:
@@ -101,10 +100,6 @@ class Progress:
         if self._shown:
             print(file=self._stream)
         self._shown = 0
-
-    def _placed(self, source: str) -> str:
-        name = "standard input" if source == "-" else os.path.basename(os.path.normpath(source))
-        return f"{self._place}{name}"
 
     def _say(self, message: str, colour: str | None = None) -> None:
         if self._log is not None:
@@ -148,6 +143,10 @@ class Progress:
     def _show(self, text: str) -> None:
         print("\r" + text.ljust(self._shown), end="", file=self._stream, flush=True)
         self._shown = len(text)
+
+
+def _named(source: str) -> str:
+    return "standard input" if source == "-" else os.path.basename(os.path.normpath(source))
 
 
 def bar_line(name: str, done: int, total: int, elapsed_s: float, columns: int) -> str:

@@ -9,7 +9,8 @@ import cv2
 import numpy as np
 
 from itmo_video.colour import transfer
-from itmo_video.delivery.ycbcr import Planes, shaped
+from itmo_video.delivery.half_tables import all_halves, looked_up, shaped
+from itmo_video.delivery.ycbcr import Planes
 from itmo_video.model import Float32, Float64
 
 
@@ -44,8 +45,7 @@ def to_display(nits: Planes, source_peak: float, display_peak: float | None) -> 
 def times_factors(nits: Planes, factors: Float32, display_peak: float) -> Planes:
     """Nits times the factor of max(R, G, B), by its bits as a half float, up to the peak."""
     largest = cv2.max(cv2.max(nits[0], nits[1]), nits[2])
-    bits = np.asarray(cv2.subtract(largest, 0.0, dtype=cv2.CV_16F)).view(np.uint16)
-    factor = cv2.LUT(bits, factors)
+    factor = looked_up(largest, factors)
     red, green, blue = (_shown(plane, factor, display_peak) for plane in nits)
     return red, green, blue
 
@@ -59,7 +59,6 @@ def _shown(plane: Float32, factor: Any, display_peak: float) -> Float32:
 @functools.lru_cache(maxsize=4)
 def display_factors(source_peak: float, display_peak: float) -> Float32:
     """Output over input nits for all bit patterns of a half float."""
-    halves = np.arange(65536, dtype=np.uint16).view(np.float16).astype(np.float64)
-    nits = np.maximum(np.nan_to_num(np.abs(halves), nan=0.0, posinf=65504.0), 1e-6)
+    nits = np.maximum(np.nan_to_num(np.abs(all_halves()), nan=0.0, posinf=65504.0), 1e-6)
     mapped = bt2390_eetf(np.minimum(nits, source_peak), source_peak, display_peak)
     return np.asarray(mapped / nits, np.float32)

@@ -10,10 +10,9 @@ import av
 import numpy as np
 
 from itmo_video.delivery import metadata
-from itmo_video.delivery.film_spec import AV1_LEAST, DEFAULT_CRF, DEFAULT_SPEED, FilmSpec, Signal
+from itmo_video.delivery.film_spec import DEFAULT_CRF, DEFAULT_SPEED, FilmSpec, Signal, check_size
 from itmo_video.delivery.svt_av1 import svt_as_guest
 from itmo_video.delivery.ycbcr import Codes10, YCbCr
-from itmo_video.errors import UsageError
 
 ENCODERS: dict[str, str] = {
     "av1": "libsvtav1", "hevc": "libx265", "prores": "prores_ks", "prores4444": "prores_ks",
@@ -37,11 +36,7 @@ def encode_avif(planes: YCbCr, crf: float, signal: Signal = "pq") -> bytes:
     """
     target = io.BytesIO()
     height, width = planes[0].shape
-    if min(width, height) < AV1_LEAST:
-        raise UsageError(
-            f"{width}x{height} is too small for AVIF: at least {AV1_LEAST}x{AV1_LEAST} is needed",
-            remedy="Write a .png.",
-        )
+    check_size("av1", width, height, "AVIF", "Write a .png.")
     with av.open(target, "w", format="avif") as box:
         stream: Any = box.add_stream(
             "libsvtav1",

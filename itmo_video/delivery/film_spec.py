@@ -22,8 +22,9 @@ MASTERS: dict[str, tuple[Chroma, ...]] = {  # for grading: intraframe, fixed qua
 }
 KEEPS_ALPHA = "prores4444"  # FFmpeg's DNxHR has none
 _NAMES = {"prores": "ProRes 422 HQ", "prores4444": "ProRes 4444", "dnxhr": "DNxHR"}
-AV1_LEAST = 32  # SVT-AV1 takes 4, but with one side up to 24 and the other above 64 it never ends
-_LEAST = {"dnxhr": (256, 120), "hevc": (16, 16), "av1": (AV1_LEAST, AV1_LEAST)}  # the encoders'
+# The encoders' minimum sizes. SVT-AV1 accepts 4, but never ends if one side is up to 24 and the
+# other above 64.
+_LEAST = {"dnxhr": (256, 120), "hevc": (16, 16), "av1": (32, 32)}
 
 MUXERS = {".mp4": "mp4", ".m4v": "mp4", ".mov": "mov", ".mkv": "matroska"}
 DEFAULT_CRF: dict[str, int] = {"av1": 25, "hevc": 18}
@@ -115,13 +116,18 @@ def _check_master(path: Path, spec: FilmSpec) -> None:
         raise UsageError(f"{name} is not {':'.join(spec.chroma)}", remedy="Omit --chroma.")
 
 
-def check_size(spec: FilmSpec) -> None:
-    """Raise UsageError for sizes that the codec does not support."""
-    least = _LEAST.get(spec.codec, (2, 2))
-    if spec.width < least[0] or spec.height < least[1]:
-        name = _NAMES.get(spec.codec, spec.codec.upper())
+def check_size(
+    codec: Codec,
+    width: int,
+    height: int,
+    name: str | None = None,
+    remedy: str = "ProRes (--codec prores, .mov) supports any size.",
+) -> None:
+    """Raise UsageError for sizes that the codec does not support; `name` is what users call it."""
+    least = _LEAST.get(codec, (2, 2))
+    if width < least[0] or height < least[1]:
+        name = name or _NAMES.get(codec, codec.upper())
         raise UsageError(
-            f"{spec.width}x{spec.height} is too small for {name}: "
-            f"at least {least[0]}x{least[1]} is needed",
-            remedy="ProRes (--codec prores, .mov) supports any size.",
+            f"{width}x{height} is too small for {name}: at least {least[0]}x{least[1]} is needed",
+            remedy=remedy,
         )

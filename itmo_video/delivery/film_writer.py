@@ -64,7 +64,7 @@ class FilmWriter:
     ) -> None:
         path = gate.path
         check_film(path, spec)
-        check_size(spec)
+        check_size(spec.codec, spec.width, spec.height)
         self._gate, self.path, self.spec = gate, path, spec
         self._is_whole = is_whole
         self._start_s = first_s

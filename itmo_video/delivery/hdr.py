@@ -8,15 +8,15 @@ from __future__ import annotations
 import functools
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import Any, cast
+from typing import Any
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 
 from itmo_video.colour.primaries import luminance_weights, rgb_to_rgb_matrix
 from itmo_video.colour.transfer import hlg_gamma, hlg_oetf, pq_code
 from itmo_video.delivery.eetf import display_factors, times_factors
+from itmo_video.delivery.half_tables import all_halves, looked_up, shaped
 from itmo_video.delivery.ycbcr import (
     Chroma,
     Codes10,
@@ -25,7 +25,6 @@ from itmo_video.delivery.ycbcr import (
     codes_form,
     dither_noise,
     empty_codes,
-    shaped,
     write_codes,
 )
 from itmo_video.kernels import compiled_codes
@@ -103,7 +102,7 @@ def encode_nits(nits: Planes, curve: Curve, peak_nits: float) -> Planes:
 
 def encode_plane(light: Float32, curve: Curve) -> Float32:
     """Look up the curve: PQ for nits, HLG's OETF for scene light from 0 to 1."""
-    return shaped(cv2.LUT(_half_bits(light), _curve_table(curve)), light.shape)
+    return looked_up(light, _curve_table(curve))
 
 
 def master_frame(
@@ -187,16 +186,10 @@ def _hlg_scene(nits: Planes, peak_nits: float) -> Planes:
     return _three([cv2.min(cv2.multiply(plane, scale), 1.0) for plane in nits], nits[0].shape)
 
 
-def _half_bits(plane: Float32) -> npt.NDArray[np.uint16]:
-    half = cv2.subtract(plane, 0.0, dtype=cv2.CV_16F).reshape(plane.shape)
-    return cast(npt.NDArray[np.uint16], half.view(np.uint16))
-
-
 @functools.lru_cache(maxsize=2)
 def _curve_table(curve: Curve) -> Float32:
     """The curve for all 65536 bit patterns of a half float; negative ones and NaN give 0."""
-    halves = np.arange(65536, dtype=np.uint16).view(np.float16)
-    values = np.nan_to_num(halves.astype(np.float64), nan=0.0, posinf=65504.0, neginf=0.0)
+    values = np.nan_to_num(all_halves(), nan=0.0, posinf=65504.0, neginf=0.0)
     code = pq_code(values) if curve == "pq" else hlg_oetf(values)
     code[32768:] = code[0]
     return code.astype(np.float32)

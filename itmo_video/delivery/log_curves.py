@@ -13,6 +13,7 @@ import cv2
 import numpy as np
 
 from itmo_video.colour.primaries import rgb_to_rgb_matrix
+from itmo_video.delivery.half_tables import all_halves, looked_up
 from itmo_video.delivery.ycbcr import Planes
 from itmo_video.model import Float32, Float64, Half
 
@@ -49,13 +50,11 @@ def log_codes(rgb: Sequence[Half | Float32], primaries: str, curve: LogCurve) ->
     for red, green, blue in rgb_to_rgb_matrix(primaries, PRIMARIES[curve]).tolist():
         mixed: Any = cv2.addWeighted(planes[0], red, planes[1], green, 0)
         mixed = cv2.scaleAdd(planes[2], blue, mixed)
-        bits = np.asarray(cv2.subtract(mixed, 0.0, dtype=cv2.CV_16F)).view(np.uint16)
-        out.append(np.asarray(cv2.LUT(bits, table), np.float32).reshape(planes[0].shape))
+        out.append(looked_up(mixed, table).reshape(planes[0].shape))
     return out[0], out[1], out[2]
 
 
 @functools.lru_cache(maxsize=2)
 def _table(curve: LogCurve) -> Float32:
-    halves = np.arange(65536, dtype=np.uint16).view(np.float16).astype(np.float64)
-    values = np.nan_to_num(halves, nan=0.0, posinf=65504.0, neginf=-65504.0)
+    values = np.nan_to_num(all_halves(), nan=0.0, posinf=65504.0, neginf=-65504.0)
     return np.asarray((acescct if curve == "acescct" else logc3)(values), np.float32)

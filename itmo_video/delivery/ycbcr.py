@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Sequence
-from typing import Any, Literal, TypeAlias, cast
+from typing import Any, Literal, TypeAlias
 
 import cv2
 import numpy as np
@@ -116,9 +116,3 @@ def _quantised(plane: Any, form: ToCodes, number: int, noise: Float32) -> Codes1
     codes += np.float32(offset)
     np.clip(codes, *map(np.float32, form.limits), out=codes)
     return np.asarray(np.rint(codes, out=codes), np.uint16)
-
-
-def shaped(plane: Any, shape: tuple[int, ...]) -> Float32:
-    """A plane in its own shape; OpenCV takes a single pixel for a scalar, and returns four."""
-    found = np.asarray(plane, np.float32)
-    return cast(Float32, (found if shape != (1, 1) else found.ravel()[:1]).reshape(shape))

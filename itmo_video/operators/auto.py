@@ -78,8 +78,9 @@ def map_auto(rgb_linear: Float32, context: Context, wrap_x: bool = False) -> Flo
     clipped = np.ascontiguousarray(greatest_of(known)[:, pad : pad + width])
     sure = context.recall("certainty", lambda: certainty(shares, clipped, wrap_x))
     trusted = LEAST_TRUST + (1 - LEAST_TRUST) * ramp(sure, UNSURE, SURE)
-    stops = mean_stops(shares, clipped, wrap_x)
-    tested = context.recall("self_test", lambda: self_test(rgb_linear, stops, wrap_x))
+    tested = context.recall(
+        "self_test", lambda: self_test(rgb_linear, mean_stops(shares, clipped, wrap_x), wrap_x)
+    )
     maps[..., :3] = opened * np.float32(rendering.caution * trusted * tested)
     weight = curve_weight(wide, rendering, context.lamps)
     maps[..., 3] = weight[:, pad : pad + width]

@@ -43,6 +43,12 @@ def share_of(clips: Float32, bright: Float32, sigma: float) -> Float32:
     return np.asarray(blurred(clips, sigma) / around, np.float32)
 
 
+def averaged(planes: Float32, size: tuple[int, int]) -> Float32:
+    """Each plane of (H, W) or (H, W, C) area-averaged to (width, height)."""
+    small = cv2.resize(planes, size, interpolation=cv2.INTER_AREA)
+    return np.asarray(small, np.float32).reshape(*size[::-1], *planes.shape[2:])
+
+
 def blurred(planes: Float32, sigma: float) -> Float32:
     """Each plane smoothed by a Gaussian of standard deviation `sigma`, in pixels."""
     taps = 2 * round(3 * sigma) + 1

@@ -18,6 +18,7 @@ import numpy as np
 
 from itmo_video.colour.luminance import greatest_of
 from itmo_video.model import Float32
+from itmo_video.operators.auto_clipping import averaged
 
 # As in docs/auto/network.py, with which the weights were fitted.
 EDGES_STOPS = (0.0, 0.3, 0.6, 0.9, 1.2, 1.6, 2.0, 2.5, 3.1, 3.7, 4.4)
@@ -64,9 +65,7 @@ def level_shares(rgb_linear: Float32, wrap_x: bool = False) -> Float32:
     """
     height, width = _seen_size(*rgb_linear.shape[:2])
     if (height, width) != rgb_linear.shape[:2]:
-        rgb_linear = np.asarray(
-            cv2.resize(rgb_linear, (width, height), interpolation=cv2.INTER_AREA), np.float32
-        ).reshape(height, width, 3)
+        rgb_linear = averaged(rgb_linear, (width, height))
     codes = srgb_codes(rgb_linear)
     if wrap_x:
         codes = np.concatenate(
@@ -134,8 +133,7 @@ def _where_clipped(
     height, width = _seen_size(*clipped.shape)
     left = WRAP_PX // 2 if wrap_x else 0
     seen = shares[:, :, : max(1, height // 2), left : left + max(1, width // 2)].mean(0)
-    weight = cv2.resize(clipped, (seen.shape[2], seen.shape[1]), interpolation=cv2.INTER_AREA)
-    weight = np.asarray(weight, np.float32).reshape(seen.shape[1:])
+    weight = averaged(clipped, (seen.shape[2], seen.shape[1]))
     return seen, weight, np.diff(np.minimum(EDGES_STOPS, CERTAIN_STOPS)).astype(np.float32)
 
 

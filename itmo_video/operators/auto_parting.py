@@ -21,6 +21,7 @@ from itmo_video.operators.auto_clipping import (
     CLIPS_WHOLLY,
     NEAR_FROM,
     NEAR_WHOLLY,
+    averaged,
     blurred,
     share_of,
 )
@@ -60,9 +61,9 @@ def colour_lost(rgb_linear: Float32, colour: Float32) -> Float32:
     shown = ramps(greatest, SHOWN_FROM, SHOWN_WHOLLY)
     shown *= 1 - ramps(greatest, NEAR_FROM, NEAR_WHOLLY)
     sigma = FAR_AROUND_PX / _SMALLER
-    weight = blurred(_small(shown, size), sigma)
-    seen = _small(_joined([plane * shown for plane in _planes(rgb_linear)]), size)
-    own = [np.log2(np.maximum(plane, _DARK)) for plane in _planes(_small(colour, size))]
+    weight = blurred(averaged(shown, size), sigma)
+    seen = averaged(_joined([plane * shown for plane in _planes(rgb_linear)]), size)
+    own = [np.log2(np.maximum(plane, _DARK)) for plane in _planes(averaged(colour, size))]
     span = cv2.max(cv2.max(own[0], own[1]), own[2]) - cv2.min(cv2.min(own[0], own[1]), own[2])
     far = [np.log2(plane / (weight + _TRACE) + _DARK) for plane in _planes(blurred(seen, sigma))]
     short = [there - here for there, here in zip(far, own, strict=True)]
@@ -106,8 +107,8 @@ def decided_together(stops: Float32, rgb_linear: Float32, lost: Float32) -> Floa
     """
     height, width = rgb_linear.shape[:2]
     size = _quarter(width, height)
-    bright = _small(ramps(greatest_of(rgb_linear), NEAR_FROM, NEAR_WHOLLY), size)
-    clips = _small(ramps(rgb_linear, CLIPS_FROM, CLIPS_WHOLLY), size)
+    bright = averaged(ramps(greatest_of(rgb_linear), NEAR_FROM, NEAR_WHOLLY), size)
+    clips = averaged(ramps(rgb_linear, CLIPS_FROM, CLIPS_WHOLLY), size)
     share = greatest_of(share_of(clips, bright[..., None], FAR_AROUND_PX / _SMALLER))
     share = cv2.resize(share, (width, height), interpolation=cv2.INTER_LINEAR)
     decided = ramps(
@@ -134,11 +135,6 @@ def _luminance(planes: Sequence[Float32]) -> Float32:
 
 def _quarter(width: int, height: int) -> tuple[int, int]:
     return max(1, width // _SMALLER), max(1, height // _SMALLER)
-
-
-def _small(planes: Float32, size: tuple[int, int]) -> Float32:
-    small = cv2.resize(planes, size, interpolation=cv2.INTER_AREA)
-    return np.asarray(small, np.float32).reshape(*size[::-1], *planes.shape[2:])
 
 
 def _planes(rgb: Float32) -> list[Float32]:

@@ -14,6 +14,8 @@ from typing import Any
 from browser import PATIENCE_S, until
 from command import start
 
+CLIP = Path(__file__).resolve().parents[2] / "sample_clips" / "cut_and_flash.mp4"
+
 
 @contextmanager
 def studio(clip: Path, folder: Path, *more: str) -> Iterator[str]:

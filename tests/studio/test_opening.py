@@ -11,8 +11,7 @@ import command
 import pytest
 from browser import PATIENCE_S, chromium, until
 from command import start
-
-CLIP = Path(__file__).resolve().parents[2] / "sample_clips" / "cut_and_flash.mp4"
+from driven import CLIP
 
 
 def mode(path: Path) -> int:

@@ -2,36 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import driven
 import numpy as np
 import pytest
-from browser import chromium
 from clips import SHARED
 from driven import Page
 
 from itmo_video.cli.main import main
 from itmo_video.output.exr import read_exr
 
-SAMPLES = Path(__file__).resolve().parents[2] / "sample_clips"
 WEIGHTS = (0.2126, 0.7152, 0.0722)
 PLACES = ((0.1, 0.2), (0.5, 0.5), (0.8, 0.3), (0.9, 0.9))
 REAL = SHARED / "data" / "clips" / "cvvdp_ferris-ref.mp4"
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Any]:
-    with chromium() as opened:
-        yield opened
-
-
-@pytest.fixture
-def address(tmp_path: Path) -> Iterator[str]:
-    with driven.studio(SAMPLES / "cut_and_flash.mp4", tmp_path) as found:
-        yield found
 
 
 def check_probe(page: Page, exr: Path) -> None:
@@ -136,7 +121,7 @@ def story(browser: Any, clip: Path, folder: Path) -> None:
 
 
 def test_from_clip_to_a_rendered_shot(browser: Any, tmp_path: Path) -> None:
-    story(browser, SAMPLES / "cut_and_flash.mp4", tmp_path)
+    story(browser, driven.CLIP, tmp_path)
 
 
 @pytest.mark.shared

@@ -3,28 +3,10 @@
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-import driven
-import pytest
-from browser import chromium
 from driven import Page
-
-SAMPLES = Path(__file__).resolve().parents[2] / "sample_clips"
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Any]:
-    with chromium() as opened:
-        yield opened
-
-
-@pytest.fixture
-def address(tmp_path: Path) -> Iterator[str]:
-    with driven.studio(SAMPLES / "cut_and_flash.mp4", tmp_path) as found:
-        yield found
 
 
 def own(page: Page) -> list[dict[str, Any]]:

@@ -2,31 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import cv2
-import driven
 import numpy as np
 import pytest
-from browser import PATIENCE_S, chromium
+from browser import PATIENCE_S
 from driven import Page
 
-SAMPLES = Path(__file__).resolve().parents[2] / "sample_clips"
 WEIGHTS = (0.2126, 0.7152, 0.0722)
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Any]:
-    with chromium() as opened:
-        yield opened
-
-
-@pytest.fixture
-def address(tmp_path: Path) -> Iterator[str]:
-    with driven.studio(SAMPLES / "cut_and_flash.mp4", tmp_path) as found:
-        yield found
 
 
 def white_nits(page: Page) -> float:

@@ -10,10 +10,7 @@ from pathlib import Path
 
 import pytest
 from command import run, start
-from driven import studio
-
-SAMPLES = Path(__file__).resolve().parents[2] / "sample_clips"
-CLIP = SAMPLES / "cut_and_flash.mp4"
+from driven import CLIP, studio
 
 
 @pytest.mark.parametrize(("sent", "code"), [(signal.SIGINT, 0), (signal.SIGTERM, 143)])
