@@ -15,7 +15,7 @@ sys.path.insert(0, str(ROOT / "tests"))
 sys.path.insert(0, str(ROOT / "tests" / "studio"))
 
 from browser import chromium  # noqa: E402 - of the tests, found by the lines above
-from driven import CLIP, Page, studio  # noqa: E402
+from driven import CLIP, Page, studio  # noqa: E402 - of the tests, too
 
 IMAGES = ROOT / "docs" / "images"
 

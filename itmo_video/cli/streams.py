@@ -41,7 +41,7 @@ def with_streams() -> None:
                 os.fstat(number)
             except OSError:
                 os.open(os.devnull, os.O_RDWR)  # takes the lowest free number
-            stream = open(os.devnull, "r" if number == 0 else "w", encoding="utf-8")  # noqa: SIM115
+            stream = open(os.devnull, "r" if number == 0 else "w", encoding="utf-8")  # noqa: SIM115 - stays open
             setattr(sys, name, stream)
     if sys.stderr is sys.__stderr__ and not isinstance(sys.stderr, _Unlosable):
         sys.stderr = cast(TextIO, _Unlosable(cast(TextIO, sys.stderr)))
