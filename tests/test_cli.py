@@ -12,8 +12,9 @@ import numpy as np
 import pytest
 from clips import SHARED, moving_scene, write_ffv1, write_noise
 
-from itmo_video.cli.main import main
+from itmo_video.cli.main import _parser, main
 from itmo_video.cli.outcome import interrupted
+from itmo_video.cli.parser_facts import commands_of
 
 SAMPLES = Path(__file__).resolve().parents[1] / "sample_clips"
 
@@ -159,6 +160,20 @@ def test_help_answers_at_once_without_the_heavy_modules() -> None:
     )
     assert out.stdout.splitlines()[-1] == "[]"
     assert "examples:" in out.stdout
+
+
+def test_help_fits_a_terminal_of_80_columns_and_its_usage_one_line(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("COLUMNS", "80")
+    for command in commands_of(_parser()):
+        with pytest.raises(SystemExit):
+            main([command.name, "--help"])
+        lines = capsys.readouterr().out.splitlines()
+        assert [line for line in lines if len(line) > 80] == []
+        assert lines[0].endswith(command.usage), lines[0]
+        assert not lines[1], lines[1]
+        assert all(text for _, text in command.arguments), command.name
 
 
 @pytest.mark.parametrize("name", ["night_street", "bright_window", "cut_and_flash"])

@@ -162,6 +162,10 @@ def test_search_works_from_the_disk_and_no_page_is_wider_than_a_phone(site: Path
             tab.goto((site / f"{name}.html").as_uri())
             width = tab.evaluate("document.documentElement.scrollWidth")
             assert width <= 420, (name, width)
+            cut = tab.locator(".language-sh code").evaluate_all(
+                "all => all.filter(e => e.scrollWidth > e.clientWidth).map(e => e.textContent)"
+            )
+            assert not cut, f"{name}: commands are cut off: {cut}"
         assert not [url for url in asked if not url.startswith(("file:", "data:", "blob:"))]
 
 

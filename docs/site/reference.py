@@ -46,11 +46,10 @@ def command_line() -> str:
     commands = commands_of(_parser())
     parts = ["# Command line", _table(("command", "what it does"), map(_row_of_command, commands))]
     for command in commands:
-        names = " ".join(name for name, _ in command.arguments)
         parts += [
             f"## {command.name}",
             _escaped(command.description),
-            f"```text\nitmo-video {command.name} [OPTION]... {names}\n```",
+            f"```text\nitmo-video {command.name} {command.usage}\n```",
         ]
         if command.arguments:
             rows = ((f"`{name}`", _escaped(text)) for name, text in command.arguments)

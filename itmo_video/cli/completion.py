@@ -13,9 +13,14 @@ if TYPE_CHECKING:
 PROGRAM = "itmo-video"
 
 WHERE = """\
-  bash:  itmo-video completion bash > ~/.local/share/bash-completion/completions/itmo-video
-  zsh:   itmo-video completion zsh > DIR/_itmo-video      (DIR in $fpath, before compinit)
-  fish:  itmo-video completion fish > ~/.config/fish/completions/itmo-video.fish
+install it, then open a new shell:
+  bash:
+    itmo-video completion bash \\
+      > ~/.local/share/bash-completion/completions/itmo-video
+  zsh (into a folder of $fpath, before compinit runs):
+    itmo-video completion zsh > ~/.zfunc/_itmo-video
+  fish:
+    itmo-video completion fish > ~/.config/fish/completions/itmo-video.fish
 """
 
 
@@ -27,7 +32,6 @@ def add_completion(commands: Any, parser: argparse.ArgumentParser) -> None:
         description="Print the completion script for a shell, generated from the definitions of "
         "all options.",
         epilog=WHERE,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     completion.add_argument("shell", choices=tuple(_SCRIPTS), help="the shell")
 

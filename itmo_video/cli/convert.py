@@ -23,8 +23,10 @@ from itmo_video.settings import Settings
 EXAMPLES = """\
 examples:
   itmo-video convert clip.mp4 out/
-  itmo-video convert clip.mp4 out/ --peak-nits 4000 --compression piz --layers expand_map
-  itmo-video convert clip.mp4 out/ --frames 100-200 --preset paper --temporal per-frame
+  itmo-video convert clip.mp4 out/ --peak-nits 4000 --layers expand_map
+  itmo-video convert clip.mp4 out/ --frames 100-200 --compression piz
+  itmo-video convert img.%04d.png out_sequence/ --fps 25
+  itmo-video convert pano.png probe/ --preset ibl --projection latlong
 """
 
 
@@ -36,7 +38,6 @@ def add_convert(commands: Any) -> None:
         description="Convert an SDR clip to an EXR sequence, in which 1.0 is SDR white. "
         "Run the same command again to resume.",
         epilog=EXAMPLES,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     convert.add_argument(
         "inputs",

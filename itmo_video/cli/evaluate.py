@@ -19,11 +19,11 @@ if TYPE_CHECKING:
 EXAMPLES = """\
 examples:
   itmo-video evaluate out/ --source clip.mp4
-  itmo-video evaluate out/ --source sdr.mkv --motion motion.json --fail-above gain_flicker=0.02
-  itmo-video evaluate out/ --reference truth/ --source sdr.mkv --json
+  itmo-video evaluate out/ --source clip.mp4 --fail-above gain_flicker=0.02
+  itmo-video evaluate out/ --reference truth/ --source clip.mp4 --json
   itmo-video evaluate out/ --reference truth/ --vdp --heat-map differences.mp4
   itmo-video evaluate out/ --reference truth/ --fail-below pq_psnr_db=34
-  itmo-video evaluate out/ --reference true_panorama.hdr --source panorama.png --ibl
+  itmo-video evaluate probe/ --reference true.hdr --source pano.png --ibl
 """
 
 
@@ -35,7 +35,6 @@ def add_evaluate(commands: Any) -> None:
         description="Measure an EXR sequence: its flicker along the clip's motion with --source "
         "(map_flicker needs --layers expand_map), its fidelity to the truth with --reference.",
         epilog=EXAMPLES,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("test", metavar="TEST", help="a folder of EXR files")
     add_options(parser, EvaluateOptions)

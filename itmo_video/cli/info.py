@@ -17,17 +17,25 @@ if TYPE_CHECKING:
 def add_info(commands: Any) -> None:
     """Add the three subcommands."""
     info = commands.add_parser(
-        "info", help="show a clip's metadata and the defaults that will be used"
+        "info",
+        help="show a clip's metadata and the defaults that will be used",
+        description="Show a clip's metadata, and what convert will assume where it has none.",
     )
-    info.add_argument("input", metavar="INPUT")
+    info.add_argument("input", metavar="INPUT", help="a clip, a still or an image sequence")
     info.add_argument("--json", action="store_true", help="print JSON")
     info.set_defaults(run=_info)
 
-    presets = commands.add_parser("presets", help="list the presets and their settings")
+    presets = commands.add_parser(
+        "presets",
+        help="list the presets and their settings",
+        description="List the presets and their settings.",
+    )
     presets.add_argument("--json", action="store_true", help="print JSON")
     presets.set_defaults(run=_presets)
     operators = commands.add_parser(
-        "operators", help="list the operators with their parameters and sources"
+        "operators",
+        help="list the operators with their parameters and sources",
+        description="List the inverse tone mapping operators with their parameters and sources.",
     )
     operators.set_defaults(run=_operators)
 

@@ -9,7 +9,6 @@ import signal
 import sys
 from collections.abc import Sequence
 from contextlib import ExitStack
-from difflib import get_close_matches
 from types import FrameType
 from typing import Any, NoReturn
 
@@ -21,33 +20,21 @@ from itmo_video.cli.info import add_info
 from itmo_video.cli.log_file import LogFile
 from itmo_video.cli.manual import add_manual
 from itmo_video.cli.outcome import Terminated, debug, interrupted, reported, unexpected
+from itmo_video.cli.parser import Parser
 from itmo_video.cli.preview import add_preview
 from itmo_video.cli.report import add_report
 from itmo_video.cli.streams import lost_output, with_streams
 from itmo_video.cli.studio import add_studio
 from itmo_video.cli.variants import add_variants
-from itmo_video.errors import ItmoError, UsageError
+from itmo_video.errors import ItmoError
 from itmo_video.memory_limit import guarded, out_of_memory
 
-
-class _Parser(argparse.ArgumentParser):
-    def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
-        found, unknown = super().parse_known_args(args, namespace)
-        if unknown:  # raised here, as the command itself knows what may have been meant
-            flags = (word.partition("=")[0].replace("_", "-") for word in unknown)
-            meant = next((m for f in flags for m in self._close_options(f)), None)
-            see = f"See `{self.prog} --help`."
-            raise UsageError(
-                f"unrecognized arguments: {' '.join(unknown)}",
-                remedy=f"Did you mean {meant}? {see}" if meant else see,
-            )
-        return found, unknown
-
-    def _close_options(self, flag: str) -> list[str]:
-        return get_close_matches(flag, self._option_string_actions, n=1, cutoff=0.75)
-
-    def error(self, message: str) -> NoReturn:
-        raise UsageError(message, remedy=f"See `{self.prog} --help`.")
+EXAMPLES = """\
+examples:
+  itmo-video convert clip.mp4 out/       EXR frames: out/clip.0001.exr ...
+  itmo-video preview clip.mp4 film.mp4   an HDR10 film
+  itmo-video convert --help              all options of a command
+"""
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -107,14 +94,18 @@ def _on_sigterm(signum: int, frame: FrameType | None) -> None:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = _Parser(prog="itmo-video", description="Convert SDR video to HDR.")
+    parser = Parser(
+        prog="itmo-video",
+        description="Convert SDR video to HDR: EXR sequences, HDR10 and HLG films, HDR stills.",
+        epilog=EXAMPLES,
+    )
     parser.add_argument(
         "--version",
         action="store_true",
         help="show versions, and whether the compiled kernels are used",
     )
     parser.set_defaults(run=_no_command(parser))
-    commands = parser.add_subparsers(metavar="COMMAND", parser_class=_Parser)
+    commands = parser.add_subparsers(title="commands", metavar="COMMAND", parser_class=Parser)
 
     add_convert(commands)
     add_preview(commands)

@@ -54,11 +54,10 @@ def manual_page(commands: Sequence[Command]) -> str:
     for command in commands:
         lines += [".TP", f".B {_roff(command.name)}", _roff(command.help)]
     for command in commands:
-        arguments = " ".join(name for name, _ in command.arguments)
         lines += [
             f".SH {_roff(command.name.upper())}",
             f".B itmo\\-video {_roff(command.name)}",
-            f"{_roff(f'[OPTION]... {arguments}')}",
+            _roff(command.usage),
             ".PP",
             _roff(command.description),
         ]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from dataclasses import dataclass
 
+from itmo_video.cli.parser import metavar_of, usage_of
 from itmo_video.operators import OPERATORS
 from itmo_video.presets import preset_names
 
@@ -23,11 +24,12 @@ class Flag:
 
 @dataclass(frozen=True)
 class Command:
-    """A subcommand: its arguments with their help, and its flags."""
+    """A subcommand: its usage without its name, its arguments with their help, and its flags."""
 
     name: str
     help: str
     description: str
+    usage: str
     arguments: tuple[tuple[str, str], ...]
     flags: tuple[Flag, ...]
 
@@ -55,12 +57,13 @@ def flags_of(parser: argparse.ArgumentParser) -> tuple[Flag, ...]:
 
 def _command(name: str, text: str, parser: argparse.ArgumentParser) -> Command:
     arguments = tuple(
-        (_metavar(action), _expanded(parser, action))
+        (metavar_of(action), _expanded(parser, action))
         for action in parser._actions
         if not action.option_strings and action.help not in _HIDDEN
     )
     text = text.replace("%%", "%")
-    return Command(name, text, parser.description or text, arguments, flags_of(parser))
+    description = parser.description or text
+    return Command(name, text, description, usage_of(parser), arguments, flags_of(parser))
 
 
 def _flag(parser: argparse.ArgumentParser, action: argparse.Action) -> Flag:
@@ -71,13 +74,7 @@ def _flag(parser: argparse.ArgumentParser, action: argparse.Action) -> Flag:
         values = tuple(OPERATORS)
     if "--preset" in names:
         values = tuple(preset_names())
-    return Flag(names, _expanded(parser, action), "" if is_switch else _metavar(action), values)
-
-
-def _metavar(action: argparse.Action) -> str:
-    if isinstance(action.metavar, str):
-        return action.metavar
-    return "|".join(map(str, action.choices)) if action.choices else action.dest.upper()
+    return Flag(names, _expanded(parser, action), "" if is_switch else metavar_of(action), values)
 
 
 def _expanded(parser: argparse.ArgumentParser, action: argparse.Action) -> str:

@@ -35,7 +35,6 @@ def add_preview(commands: Any) -> None:
         description="Encode an HDR10 or HLG film, or a view for SDR monitors. A clip is converted "
         "on the fly with the settings below; a converted folder is shown as converted.",
         epilog=EXAMPLES,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument(
         "preview_source",

@@ -10,13 +10,13 @@ from itmo_video.cli.config_file import preset_of, said
 from itmo_video.cli.option_flags import add_options
 from itmo_video.options import flag_of
 from itmo_video.presets import make_settings
-from itmo_video.settings import Settings
+from itmo_video.settings import LOOK, Settings
 
 
 def add_settings(parser: argparse.ArgumentParser, without: Collection[str] = ()) -> None:
-    """Add a flag for the preset and for each setting but those in `without`."""
+    """Add a flag for the preset and for each setting but those in `without`, in two groups."""
     group = parser.add_argument_group(
-        "settings (also keys in a preset's TOML; defaults in parentheses)"
+        "the look (also keys in a preset's TOML; defaults in parentheses)"
     )
     group.add_argument(
         "--preset", default=None, metavar="NAME|FILE.toml",
@@ -24,8 +24,11 @@ def add_settings(parser: argparse.ArgumentParser, without: Collection[str] = ())
     )  # fmt: skip
     group.add_argument("--no-config", action="store_true", help="ignore the user's config file")
     defaults = vars(make_settings())
-    only = [name for name in defaults if name not in without]
-    add_options(group, Settings, only, defaults, negatable=True)
+    look = [name for name in LOOK if name not in without]
+    files = [name for name in defaults if name not in (*LOOK, *without)]
+    add_options(group, Settings, look, defaults, negatable=True)
+    group = parser.add_argument_group("the clip and its files (also keys in a preset's TOML)")
+    add_options(group, Settings, files, defaults, negatable=True)
 
 
 def in_words(settings: Settings) -> str:

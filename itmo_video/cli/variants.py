@@ -17,7 +17,7 @@ EXAMPLES = """\
 examples:
   itmo-video variants clip.mp4 presets.png
   itmo-video variants clip.mp4 peaks.html --frame 120 --vary peak-nits
-  itmo-video variants clip.mp4 radius.png --preset paper --vary radius --values 8,16,32
+  itmo-video variants clip.mp4 strengths.png --vary strength --values 0.5,1,1.5
 """
 
 
@@ -29,7 +29,6 @@ def add_variants(commands: Any) -> None:
         description="Show variants of one frame side by side, tone-mapped for SDR monitors, as a "
         "picture or an HTML page.",
         epilog=EXAMPLES,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("clip", metavar="CLIP", help="a clip, still or image sequence")
     parser.add_argument("output", metavar="OUT", help="a picture (.png .jpg) or a page (.html)")

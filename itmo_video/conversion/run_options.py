@@ -22,7 +22,7 @@ class RunOptions:
     """
 
     frames: str | None = option(
-        None, str, "frames to render, as in file names: 1-100,200-300x2", metavar="RANGES"
+        None, str, "only these frames, numbered as in file names: 1-100,200-300x2", metavar="RANGES"
     )
     start_number: int | None = option(
         None,

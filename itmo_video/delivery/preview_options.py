@@ -36,7 +36,10 @@ class PreviewOptions:
     """
 
     view: View | None = option(
-        None, str, "kind of film or still (hdr10; a JPEG is SDR with a gain map)", flag="as",
+        None, str, "what to show: HDR10 or HLG; for SDR monitors sdr, compare (SDR beside HDR), "
+        "false-colour, ladder (three exposures); ACES 2.0's SDR or HDR; log for grading "
+        "(hdr10; a JPEG is SDR with a gain map)",
+        flag="as",
         choices=(
             "hdr10", "hlg", "sdr", "compare", "false-colour", "ladder", "aces", "aces-hdr",
             "acescct", "logc3",
