@@ -9,6 +9,7 @@ import socket
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 
+from itmo_video.cluster.allocator import keep_freed_memory
 from itmo_video.conversion.convert import Job, Summary, ToMake, frames_to_make, render_job
 from itmo_video.conversion.frame_ranges import format_ranges
 from itmo_video.conversion.plan import ALGORITHM, Plan, ShotLook, make_plan
@@ -23,7 +24,9 @@ from itmo_video.settings import Settings
 from itmo_video.source.opening import Clip, input_options, open_clip
 from itmo_video.source.tags import InputOptions
 
-SHORTEST, LONGEST = 20, 100  # frames; each chunk also decodes a lead-in
+# Frames. The window around a chunk costs about as much as 50 more frames.
+SHORTEST, ENOUGH, LONGEST = 20, 75, 200
+MOST_PER_WORKER = 4  # unless that makes chunks too long: one slow worker then delays the end less
 
 
 @dataclass(frozen=True)
@@ -57,19 +60,25 @@ class Outcome:
 
 
 def chunk_length(frames: int, workers: int, key_interval: int) -> int:
-    """Frames per chunk, whole keyframe intervals: about four chunks per worker, within bounds."""
-    length = max(SHORTEST, min(LONGEST, -(-frames // (4 * max(1, workers)))))
-    return -(-length // key_interval) * key_interval
+    """Frames per chunk, whole keyframe intervals: up to four chunks per worker, within bounds.
+
+    A worker gets several only if each has ENOUGH frames.
+    """
+    share = -(-frames // max(1, workers))
+    length = -(-share // max(1, min(MOST_PER_WORKER, share // ENOUGH)))
+    return -(-max(SHORTEST, min(LONGEST, length)) // key_interval) * key_interval
 
 
 def cut_into_chunks(job: Job, workers: int) -> Iterator[Chunk]:
     """The job's frames in order, split on the absolute grid of keyframes."""
     plan = job.plan
-    length = chunk_length(len(job.todo), workers, plan.settings.key_reach)
+    reach = plan.settings.key_reach
+    length = chunk_length(len(job.todo), workers, reach)
     by_index = sorted((index, number) for number, index in job.todo.items())
+    begin = by_index[0][0] // reach * reach if by_index else 0
     groups: dict[int, list[int]] = {}
     for index, number in by_index:
-        groups.setdefault(index // length, []).append(number)
+        groups.setdefault((index - begin) // length, []).append(number)
     for numbers in groups.values():
         yield Chunk(
             source=plan.clip.path,
@@ -88,6 +97,7 @@ def make_chunk(chunk: Chunk) -> Outcome:
     Raises ClusterError if this worker's version gives other pixels, InputError or OutputError if it
     does not see the same source and folder as the sender of the chunk.
     """
+    keep_freed_memory()
     if chunk.algorithm != ALGORITHM:
         raise ClusterError(
             f"the worker on {socket.gethostname()} has another version of itmo_video",

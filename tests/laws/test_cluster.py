@@ -117,10 +117,12 @@ def test_chunks_know_their_edited_shots(clip: Path, tmp_path: Path) -> None:
 
 
 def test_chunks_lie_on_the_grid() -> None:
-    assert chunks.chunk_length(150_000, 100, 5) == 100
-    assert chunks.chunk_length(400, 2, 7) == 56
+    assert chunks.chunk_length(150_000, 100, 5) == chunks.LONGEST
+    assert chunks.chunk_length(400, 2, 7) == 105  # two for each worker, each with ENOUGH
+    assert chunks.chunk_length(144, 2, 5) == 75  # one for each worker
+    assert chunks.chunk_length(150_000, 1000, 5) == 75
     assert chunks.chunk_length(3, 1, 1) == chunks.SHORTEST
-    assert chunks.chunk_length(150_000, 0, 60) == 120
+    assert chunks.chunk_length(150_000, 0, 60) == 240
 
 
 def test_a_worker_that_sees_something_else_says_so(clip: Path, tmp_path: Path) -> None:
