@@ -27,7 +27,7 @@ from itmo_video.settings import Settings
 from itmo_video.source.clip import Clip, first_number
 from itmo_video.words import frames_are
 
-ALGORITHM = 10  # raise it whenever the same settings give other pixels
+ALGORITHM = 11  # raise it whenever the same settings give other pixels
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-_VERSION = 16  # of the kernels
+_VERSION = 17  # of the kernels
 
 
 class _Array:
@@ -63,6 +63,8 @@ _ARGUMENTS = {
     "add_weighed": "FFnnF",
     "blend": "FFFnnF",
     "halves": "FnH",
+    "network": "FnnF" + "FF",
+    "network_filters": "FnnnF",
     "ramps": "Fff" + "nF",
     "expand_auto": "FFF" + "F" + "FFFF" + "F" + "fn" + "HHH",
     "expand": "FFFFF" + "fffn" + "HHH",

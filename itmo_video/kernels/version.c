@@ -2,5 +2,5 @@
 
 int itmo_version(void)
 {
-    return 16;
+    return 17;
 }

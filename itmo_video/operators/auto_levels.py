@@ -1,17 +1,14 @@
 """How far clipped places lie above white, per channel, estimated by a fitted network.
 
-Fitted by docs/auto/fit.py to HDR panoramas of known radiance; its weights, auto.onnx, are run by
-cv2.dnn at keyframes. For a series of levels above SDR white it predicts the probability that the
-radiance reaches each level; the sum up to the peak is the expected log2 of the radiance limited to
-that peak, so one network serves every L'max.
+Fitted by docs/auto/fit.py to HDR panoramas of known radiance; run at keyframes (auto_network). For
+a series of levels above SDR white it predicts the probability that the radiance reaches each level;
+the sum up to the peak is the expected log2 of the radiance limited to that peak, so one network
+serves every L'max.
 """
 
 from __future__ import annotations
 
 import math
-import threading
-from importlib import resources
-from typing import Any
 
 import cv2
 import numpy as np
@@ -19,6 +16,7 @@ import numpy as np
 from itmo_video.colour.luminance import greatest_of
 from itmo_video.model import Float32
 from itmo_video.operators.auto_clipping import averaged
+from itmo_video.operators.auto_network import network_shares
 
 # As in docs/auto/network.py, with which the weights were fitted.
 EDGES_STOPS = (0.0, 0.3, 0.6, 0.9, 1.2, 1.6, 2.0, 2.5, 3.1, 3.7, 4.4)
@@ -27,8 +25,6 @@ TILE_PX = 32  # the network halves five times, so its pictures are multiples of 
 WIDTH_PX = 320  # of the network's picture if it would be wider than 480: takes half the time
 WRAP_PX = 64  # added at each side of a panorama from its other side
 CERTAIN_STOPS = 2.3  # levels that a display of 1000 nits shows
-_WEIGHTS = "auto.onnx"
-_local = threading.local()
 
 
 def srgb_codes(rgb_linear: Float32) -> Float32:
@@ -74,9 +70,7 @@ def level_shares(rgb_linear: Float32, wrap_x: bool = False) -> Float32:
         )  # fmt: skip
     below, right = -height % TILE_PX, -codes.shape[1] % TILE_PX
     codes = cv2.copyMakeBorder(codes, 0, below, 0, right, cv2.BORDER_REFLECT)
-    net = _network()
-    net.setInput(features(codes, height)[None])
-    shares = np.array(net.forward()[0], np.float32)  # a copy, as the network reuses its buffer
+    shares = network_shares(features(codes, height))
     return shares.reshape(3, len(EDGES_STOPS) - 1, *shares.shape[1:])
 
 
@@ -142,11 +136,3 @@ def _seen_size(height: int, width: int) -> tuple[int, int]:
     if width <= 480:
         return height, width
     return max(1, round(height * WIDTH_PX / width)), WIDTH_PX
-
-
-def _network() -> Any:
-    """The network of the calling thread, as a cv2.dnn.Net cannot be shared."""
-    if not hasattr(_local, "net"):
-        data = resources.files(__package__).joinpath(_WEIGHTS).read_bytes()
-        _local.net = cv2.dnn.readNetFromONNX(np.frombuffer(data, np.uint8))
-    return _local.net
