@@ -325,7 +325,7 @@ print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)
 
 @pytest.mark.timeout(900)
 def test_memory_does_not_grow_with_the_stream(tmp_path: Path) -> None:
-    short = clips.write_ffv1(tmp_path / "60.mkv", clips.moving_scene(60, width=256, height=144))
+    short = clips.write_ffv1(tmp_path / "60.mkv", clips.moving_scene(60, width=192, height=108))
     peaks = []
     for count in (240, 1200):  # with 60 the queues do not fill
         with subprocess.Popen(
@@ -346,7 +346,7 @@ with av.open(sys.argv[1]) as box:
     arrays = [f.reformat(format='yuv420p').to_ndarray() for f in box.decode(video=0)]
 with av.open(sys.stdout.buffer, 'w', format='yuv4mpegpipe') as out:
     stream = out.add_stream('wrapped_avframe', rate=24)
-    stream.width, stream.height, stream.pix_fmt = 256, 144, 'yuv420p'
+    stream.width, stream.height, stream.pix_fmt = 192, 108, 'yuv420p'
     for n in range(int(sys.argv[2]) * len(arrays)):
         frame = av.VideoFrame.from_ndarray(arrays[n % len(arrays)], 'yuv420p')
         frame.pts = n
