@@ -1,4 +1,4 @@
-"""A short run of text_mutants.py; docs/robustness.md has the counts of a long one."""
+"""A short run of text_mutants.py; docs/files_measured.md has the counts of a long one."""
 
 from __future__ import annotations
 

@@ -3,7 +3,7 @@
     python tests/studies/still_libraries.py
 
 Needs OpenImageIO, Pillow, pillow-heif, imagecodecs, tifffile and av in one environment. Every file
-is made here, or is one of ../shared's field reports. The table is that of docs/stills.md.
+is made here, or is one of ../shared's field reports. The table is that of docs/files_measured.md.
 """
 
 from __future__ import annotations
