@@ -10,6 +10,7 @@ import numpy as np
 
 from itmo_video.kernels.compiled import (
     AT_ONCE,
+    Bytes2D,
     Codes,
     Float32,
     Half,
@@ -46,12 +47,14 @@ class SmallMaps(NamedTuple):
     """Maps at analysis size, and the positions of the picture's rows in them.
 
     `planes` (p, h, w) hold the two planes of the noise guard if there are `guards`, and then maps;
-    `numbers` is the plane of each of the four maps, -1 for one that is 0; `is_known` is False if
-    there are no maps. `above` and `parts` give for each row the row of `planes` above it, and the
+    `used` (p, h), uint8, tells which rows of them are not all 0. `numbers` is the plane of each of
+    the four maps, -1 for one that is 0; `is_known` is False if there are no maps. `above` and
+    `parts` give for each row the row of `planes` above it, and the
     weight of the one below.
     """
 
     planes: Float32
+    used: Bytes2D
     guards: bool
     numbers: tuple[int, int, int, int]
     is_known: bool
@@ -80,6 +83,8 @@ def auto_from_codes(
     if len(maps.above) != rows.stop - rows.start:
         raise ValueError(f"{len(maps.above)} rows of maps for {rows.stop - rows.start}")
     alike(maps.above, maps.parts)
+    if maps.used.shape != maps.planes.shape[:2]:
+        raise ValueError(f"rows {maps.used.shape} of maps {maps.planes.shape}")
     alike(luma[rows], *out)
     columns, shares = columns_between(width, shape[1])
     black, span = codes.levels[:2]
@@ -96,7 +101,7 @@ def auto_from_codes(
         luma, cb, cr,
         luma.strides[0], np.array([cb.strides[0], cr.strides[0]], np.int64), sizes, light,
         power_curve(codes.exponent), whole(maps.planes), maps.above, maps.parts, columns, shares,
-        np.array(maps.numbers, np.int64), numbers.as_array(not maps.is_known),
+        np.array(maps.numbers, np.int64), maps.used, numbers.as_array(not maps.is_known),
         np.zeros(room, np.float32),
         *out,
     )  # fmt: skip

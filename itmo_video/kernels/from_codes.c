@@ -22,20 +22,26 @@ INLINE int is_bright(const float *const *rgb, float from)
     return bright;
 }
 
+/* Whether a map has anything in the two rows between which a line lies. */
+INLINE int is_used(const uint8_t *used, int64_t above, int64_t h)
+{
+    return used[above] | used[above + 1 < h ? above + 1 : above];
+}
+
 /* See compiled_auto.auto_from_codes. */
 CLONED void itmo_auto_from_codes(const uint8_t *luma, const uint8_t *cb, const uint8_t *cr,
                                  int64_t luma_stride, const int64_t *chroma_strides,
                                  const int64_t *sizes, const float *light, const float *power,
                                  const float *small, const int64_t *above, const float *parts,
                                  const int32_t *columns, const float *shares, const int64_t *which,
-                                 const float *n, float *scratch, uint16_t *out_red,
+                                 const uint8_t *used, const float *n, float *scratch, uint16_t *out_red,
                                  uint16_t *out_green, uint16_t *out_blue)
 {
     Picture picture = {luma, {cb, cr}, luma_stride, {chroma_strides[0], chroma_strides[1]},
                        sizes[BYTES], sizes[WIDTH], sizes[CHROMA_WIDTH], sizes[CHROMA_HEIGHT],
                        sizes[SITE_X], sizes[SITE_Y], light + LEVELS};
     int64_t width = sizes[WIDTH], planes = sizes[PLANES], h = sizes[SMALL_HEIGHT];
-    int64_t w = sizes[SMALL_WIDTH], curves = which[3] >= 0, guards = sizes[GUARDS] && curves;
+    int64_t w = sizes[SMALL_WIDTH];
     int64_t across = (width + AT_ONCE + RUN) / BLOCK * BLOCK;
     float strength = light[STRENGTH];
     float *y = scratch, *wide[2] = {y + across, y + 2 * across}, *ratio = y + 3 * across;
@@ -44,7 +50,12 @@ CLONED void itmo_auto_from_codes(const uint8_t *luma, const uint8_t *cb, const u
     uint16_t *out[3] = {out_red, out_green, out_blue};
     for (int64_t row = 0; row < sizes[ROWS]; row++) {
         int64_t at = sizes[FIRST] + row;
-        int brought_up = planes == 0;
+        int brought_up = planes == 0, maps_used[4], something = n[UNKNOWN] > 0;
+        for (int m = 0; m < 4; m++) {
+            maps_used[m] = which[m] >= 0 && is_used(used + which[m] * h, above[row], h);
+            something |= maps_used[m];
+        }
+        int curves = maps_used[3], guards = sizes[GUARDS] && curves;
         code_lines(&picture, at, line, y, wide);
         for (int64_t begin = 0; begin < width; begin += RUN) {
             int64_t left = width - begin < RUN ? width - begin : RUN;
@@ -55,7 +66,7 @@ CLONED void itmo_auto_from_codes(const uint8_t *luma, const uint8_t *cb, const u
             itmo_power(rgb, 3 * size, power);
             for (int64_t i = 0; i < size; i += BLOCK) {
                 const float *here[3] = {rgb + i, rgb + size + i, rgb + 2 * size + i}, *maps[4];
-                if (!curves && !is_bright(here, n[OPEN_FROM]))
+                if (!something || (!curves && !is_bright(here, n[OPEN_FROM])))
                     continue;
                 if (!brought_up) {
                     lines_between(small, planes, h, w, above[row], parts[row], lefts, steps);
@@ -68,7 +79,7 @@ CLONED void itmo_auto_from_codes(const uint8_t *luma, const uint8_t *cb, const u
                     brought_up = 1;
                 }
                 for (int m = 0; m < 4; m++)
-                    maps[m] = which[m] < 0 ? 0 : full + which[m] * across + begin + i;
+                    maps[m] = !maps_used[m] ? 0 : full + which[m] * across + begin + i;
                 int made = gain_block(here, guards ? ratio + begin + i : 0, maps, n, BLOCK, gains);
                 for (int c = 0; strength != 1 && c < made; c++)
                     for (int64_t x = 0; x < BLOCK; x++)

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-_VERSION = 17  # of the kernels
+_VERSION = 18  # of the kernels
 
 
 class _Array:
@@ -59,7 +59,7 @@ _ARGUMENTS = {
     "guide_rows": "pnnff" + "nnnn" + "Fnnn" + "LFIF" + "nnF" + "FF",
     "gain_banterle2006": "FffnF",
     "gain_auto": "FFF" + "F" + "FFFF" + "Fn" + "FFF",
-    "auto_from_codes": "pppnLLFF" + "FLFIF" + "LFF" + "HHH",
+    "auto_from_codes": "pppnLLFF" + "FLFIF" + "LBFF" + "HHH",
     "add_weighed": "FFnnF",
     "blend": "FFFnnF",
     "halves": "FnH",

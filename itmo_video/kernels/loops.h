@@ -63,8 +63,8 @@ void itmo_expand_auto(const float *red, const float *green, const float *blue, c
 void itmo_auto_from_codes(const uint8_t *luma, const uint8_t *cb, const uint8_t *cr,
     int64_t luma_stride, const int64_t *chroma_strides, const int64_t *sizes, const float *light,
     const float *power, const float *small, const int64_t *above, const float *parts,
-    const int32_t *columns, const float *shares, const int64_t *which, const float *n,
-    float *scratch, uint16_t *out_red, uint16_t *out_green, uint16_t *out_blue);
+    const int32_t *columns, const float *shares, const int64_t *which, const uint8_t *used,
+    const float *n, float *scratch, uint16_t *out_red, uint16_t *out_green, uint16_t *out_blue);
 void itmo_add_weighed(const float *values, const float *weight, int64_t count, int64_t channels,
     float *restrict total);
 void itmo_blend(const float *left, const float *right, const float *share, int64_t count,

@@ -20,7 +20,7 @@ from itmo_video.operators import LuminanceOperator
 from itmo_video.operators.luminance_operator import weighed
 from itmo_video.operators.protocol import WritesHalves
 from itmo_video.rendering.guidance import Guidance
-from itmo_video.rendering.strip import expand_strip
+from itmo_video.rendering.rows import expand_rows
 
 HALF_MAX = 65504.0
 _LEAST_FOR_CV2 = 64  # cv2 takes arrays of up to four elements for scalars
@@ -72,10 +72,10 @@ def render(
     layers = {f"{name}.Y": np.empty((height, width), np.float16) for name in settings.layers}
     part, more = min(settings.strength, 1.0), max(settings.strength - 1, 0.0)
     is_plain = not (limit or layers or more) and alpha is None and matrix is None
+    if is_plain and isinstance(operator, WritesHalves):
+        expand_rows(frame, slice(0, height), guidance, operator, context, part, out)
+        return Rendered((out[0], out[1], out[2]), None, {})
     for rows in strips(height):
-        if is_plain and isinstance(operator, WritesHalves):
-            expand_strip(frame, rows, guidance, operator, context, part, out[:, rows])
-            continue
         rgb = strip_buffers(rows, width)
         linear_light.strip_to_rgb_linear(frame, rows, clip, rgb)
         maps, denoise = guidance.rows(rows)

@@ -139,7 +139,9 @@ class Guidance:
         )
         left = iter(range(guards, len(small)))
         a, b, c, d = (-1 if m >= known or m in zeros else next(left) for m in range(4))
-        return compiled_auto.SmallMaps(small, self._guards, (a, b, c, d), known > 0, above, part)
+        used = small.any(axis=2).astype(np.uint8)
+        numbers = a, b, c, d
+        return compiled_auto.SmallMaps(small, used, self._guards, numbers, known > 0, above, part)
 
     def _without_zeros(self, small: Float32, rows: slice) -> tuple[Float32, tuple[int, ...]]:
         """The planes that are not 0 in these rows, and the numbers of the maps that are."""

@@ -39,7 +39,7 @@ from itmo_video.output.exr_scanlines import scanline_file
 from itmo_video.presets import make_settings
 from itmo_video.rendering.frame import expand
 from itmo_video.rendering.guidance import Guidance
-from itmo_video.rendering.strip import expand_strip
+from itmo_video.rendering.rows import expand_rows
 from itmo_video.source.opening import open_clip
 
 SIZES = {"1080p": (1920, 1080), "2160p": (3840, 2160)}
@@ -93,8 +93,7 @@ def render_steps(meter: Meter, frame: Frame, look: Look, small: Any, guide: Any)
     if isinstance(operator, WritesHalves):
         codes = sum(p.nbytes for p in frame.planes)
         with meter.step("codes to half floats in one pass, as it is done", codes + out.nbytes):
-            for rows in strips(height):
-                expand_strip(frame, rows, guidance, operator, context, 1, out[:, rows])
+            expand_rows(frame, slice(0, height), guidance, operator, context, 1, out)
     for rows in strips(height):
         rgb = strip_buffers(rows, width)
         plane, luma = rgb[0].nbytes, frame.planes[0][rows].nbytes

@@ -1,11 +1,11 @@
-"""Converts a strip of a frame from codes to half floats, for operators that write halves."""
+"""Converts rows of a frame from codes to half floats, for operators that write halves."""
 
 from __future__ import annotations
 
 import ctypes
 
 from itmo_video.colour import linear_light
-from itmo_video.colour.strips import strip_buffers
+from itmo_video.colour.strips import strip_buffers, strips
 from itmo_video.kernels import compiled_auto
 from itmo_video.kernels.dispatch import with_compiled_form
 from itmo_video.model import Frame, Half
@@ -23,14 +23,16 @@ def expand_in_steps(
     strength: float,
     out: Half,
 ) -> None:
-    """`expand_strip` with a separate kernel for each step."""
-    rgb = strip_buffers(rows, frame.size[0])
-    linear_light.strip_to_rgb_linear(frame, rows, True, rgb)
-    maps, ratio = guidance.rows(rows)
-    operator.expand(rgb, ratio, maps, context, strength, out)
+    """`expand_rows` with a separate kernel for each step, a strip at a time."""
+    for inner in strips(rows.stop - rows.start):
+        strip = slice(rows.start + inner.start, rows.start + inner.stop)
+        rgb = strip_buffers(strip, frame.size[0])
+        linear_light.strip_to_rgb_linear(frame, strip, True, rgb)
+        maps, ratio = guidance.rows(strip)
+        operator.expand(rgb, ratio, maps, context, strength, out[:, inner])
 
 
-def _compiled_strip(
+def _compiled_rows(
     loaded: ctypes.CDLL,
     frame: Frame,
     rows: slice,
@@ -50,8 +52,8 @@ def _compiled_strip(
     )
 
 
-@with_compiled_form(_compiled_strip)
-def expand_strip(
+@with_compiled_form(_compiled_rows)
+def expand_rows(
     frame: Frame,
     rows: slice,
     guidance: Guidance,

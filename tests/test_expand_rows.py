@@ -16,7 +16,7 @@ from itmo_video.look import context_of, make_look
 from itmo_video.model import Encoding, Frame
 from itmo_video.operators.protocol import WritesHalves
 from itmo_video.rendering.guidance import Guidance
-from itmo_video.rendering.strip import expand_in_steps, expand_strip
+from itmo_video.rendering.rows import expand_in_steps, expand_rows
 
 loaded = library.library()
 compiled = pytest.mark.skipif(loaded is None, reason="installed without a C compiler")
@@ -59,7 +59,7 @@ def both(frame: Frame, maps: npt.NDArray[np.float32] | None, strength: float, **
     out = np.full((2, 3, height, width), 7, np.float16)
     for top in range(0, height, 32):
         rows = slice(top, min(top + 32, height))
-        for into, how in zip(out, (expand_strip, expand_in_steps), strict=True):
+        for into, how in zip(out, (expand_rows, expand_in_steps), strict=True):
             how(frame, rows, guidance, look.operator, context, strength, into[:, rows])
     assert np.array_equal(*out.view(np.uint16))
 
