@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 from typing import Any, TypeVar, cast
 
 import cv2
@@ -9,6 +10,8 @@ import numpy as np
 import numpy.typing as npt
 
 from itmo_video.colour.primaries import LUMINANCE_WEIGHTS_BANTERLE2006
+from itmo_video.kernels import compiled_area
+from itmo_video.kernels.dispatch import with_compiled_form
 from itmo_video.model import Code, Float32, Frame
 
 _ALL = slice(None)
@@ -53,8 +56,29 @@ def averaged(plane: Plane, size: tuple[int, int]) -> Plane:
     while width >= 2 * size[0] and height >= 2 * size[1] and width % 2 == 0 and height % 2 == 0:
         width, height = width // 2, height // 2
         small = cv2.resize(small, (width, height), interpolation=cv2.INTER_AREA)
-    small = cv2.resize(small, size, interpolation=cv2.INTER_AREA)
+    if width % size[0] or height % size[1]:
+        return cast(Plane, _area_means(small, size))
+    small = cv2.resize(small, size, interpolation=cv2.INTER_AREA)  # by whole factors, or larger
     return cast(Plane, small.reshape(size[1], size[0]))
+
+
+def _compiled_area_means(
+    loaded: ctypes.CDLL, plane: npt.NDArray[Any], size: tuple[int, int]
+) -> npt.NDArray[Any]:
+    height, width = plane.shape
+    if width < size[0] or height < size[1]:
+        return _by_opencv(plane, size)
+    return compiled_area.area_means(loaded, plane, size)
+
+
+@with_compiled_form(_compiled_area_means)
+def _area_means(plane: npt.NDArray[Any], size: tuple[int, int]) -> npt.NDArray[Any]:
+    return _by_opencv(plane, size)
+
+
+def _by_opencv(plane: npt.NDArray[Any], size: tuple[int, int]) -> npt.NDArray[Any]:
+    small = cv2.resize(plane, size, interpolation=cv2.INTER_AREA)
+    return np.asarray(small).reshape(size[1], size[0])
 
 
 def analysis_guide(frame: Frame, map_width: int) -> Float32:

@@ -63,6 +63,7 @@ _ARGUMENTS = {
     "add_weighed": "FFnnF",
     "blend": "FFFnnF",
     "halves": "FnH",
+    "area_means": "pnnL" + "IFIF" + "FB",
     "network": "FnnF" + "FF",
     "network_filters": "FnnnF",
     "ramps": "Fff" + "nF",

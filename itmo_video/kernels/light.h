@@ -21,6 +21,17 @@ INLINE void line_of(const uint8_t *here, const uint8_t *neighbour, int64_t width
     }
 }
 
+/* One line of codes, (code - black) * scale. */
+INLINE void plain_line(const uint8_t *codes, int64_t width, int64_t bytes, float black, float scale,
+                       float *restrict out)
+{
+    const uint16_t *wide = (const uint16_t *)codes;
+    for (int64_t x = 0; bytes == 1 && x < width; x++)
+        out[x] = ((float)codes[x] - black) * scale;
+    for (int64_t x = 0; bytes == 2 && x < width; x++)
+        out[x] = ((float)wide[x] - black) * scale;
+}
+
 INLINE void to_rgb(const float *y, const float *cb, const float *cr, const float *matrix, int64_t width,
                    float *restrict red, float *restrict green, float *restrict blue)
 {
@@ -74,8 +85,7 @@ INLINE void code_lines(const Picture *p, int64_t at, float *line, float *y, floa
         line[p->chroma_width + 1] = line[p->chroma_width];
         double_line(line, p->chroma_width, LEAN_BEFORE[p->site_x], LEAN_BEHIND[p->site_x], wide[c]);
     }
-    const uint8_t *codes = p->luma + at * p->luma_stride;
-    line_of(codes, codes, p->width, p->bytes, 0, p->levels[0], p->levels[1], y);
+    plain_line(p->luma + at * p->luma_stride, p->width, p->bytes, p->levels[0], p->levels[1], y);
 }
 
 #endif

@@ -80,6 +80,9 @@ void itmo_to_codes(const uint8_t *red, const uint8_t *green, const uint8_t *blue
 void itmo_camera_model(const double *across, const double *down, const double *vectors,
     const double *texture, int64_t count, const double *sigmas, int64_t rounds, double ridge,
     double *weight, double *model);
+void itmo_area_means(const uint8_t *plane, int64_t stride, int64_t bytes, const int64_t *sizes,
+    const int32_t *columns, const float *column_shares, const int32_t *rows,
+    const float *row_shares, float *scratch, uint8_t *out);
 void itmo_network(const float *features, int64_t height, int64_t width, const float *weights,
     float *scratch, float *out);
 void itmo_network_filters(const float *filters, int64_t kept, int64_t channels, int64_t padded,

@@ -139,7 +139,7 @@ class Guidance:
         )
         left = iter(range(guards, len(small)))
         a, b, c, d = (-1 if m >= known or m in zeros else next(left) for m in range(4))
-        used = small.any(axis=2).astype(np.uint8)
+        used = np.asarray(small.any(axis=2), np.uint8)
         numbers = a, b, c, d
         return compiled_auto.SmallMaps(small, used, self._guards, numbers, known > 0, above, part)
 

@@ -1,0 +1,54 @@
+"""Averages over areas: the compiled form has OpenCV's bytes, for any size and kind of plane."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from itmo_video.colour.analysis_picture import averaged
+from itmo_video.kernels import compiled_area, library
+
+loaded = library.library()
+compiled = pytest.mark.skipif(loaded is None, reason="installed without a C compiler")
+SIZES = [  # from (height, width) to (width, height)
+    ((540, 960), (512, 288)),
+    ((360, 640), (512, 288)),
+    ((270, 641), (512, 215)),
+    ((17, 33), (31, 9)),
+    ((7, 9), (2, 1)),
+    ((100, 60), (59, 33)),
+    ((35, 24), (8, 12)),  # one side by a whole factor
+    ((35, 25), (5, 7)),  # both
+    ((9, 20), (30, 12)),  # larger
+]
+
+
+@compiled
+@pytest.mark.parametrize("kind", [np.uint8, np.uint16, np.float32])
+@pytest.mark.parametrize(("shape", "size"), SIZES, ids=str)
+def test_bytes_are_opencvs(
+    shape: tuple[int, int], size: tuple[int, int], kind: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    top = 1 if kind is np.float32 else np.iinfo(kind).max
+    plane = (np.random.default_rng(5).random((shape[0], shape[1] + 3)) * top).astype(kind)
+    plane = plane[:, : shape[1]]  # lines with gaps, as a decoder's
+    ours = averaged(plane, size)
+    monkeypatch.setattr(library, "library", lambda: None)
+    assert np.array_equal(ours, averaged(plane, size))
+    assert ours.shape == size[::-1]
+
+
+@compiled
+def test_a_mean_lies_within_its_plane() -> None:
+    assert np.array_equal(
+        np.unique(averaged(np.full((540, 960), 211, np.uint8), (512, 288))), [211]
+    )
+
+
+@compiled
+def test_larger_sizes_raise() -> None:
+    assert loaded is not None
+    with pytest.raises(ValueError, match="averaged"):
+        compiled_area.area_means(loaded, np.zeros((4, 4), np.uint8), (5, 3))
