@@ -59,7 +59,16 @@ def legend(width: int) -> Any:
     for stop in range(LOWEST_STOP, HIGHEST_STOP + 1):
         x = int((stop - LOWEST_STOP) / (HIGHEST_STOP - LOWEST_STOP) * (width - 60)) + 8
         ink = (255, 255, 255) if stop < 2 else (0, 0, 0)
-        cv2.putText(bar, f"{stop:+d}", (x, 18), cv2.FONT_HERSHEY_SIMPLEX, 0.42, ink, 1, cv2.LINE_AA)
+        cv2.putText(
+            bar,
+            f"{stop:+d}" if stop else "0",
+            (x, 18),
+            cv2.FONT_HERSHEY_SIMPLEX,
+            0.42,
+            ink,
+            1,
+            cv2.LINE_AA,
+        )
     return bar
 
 
@@ -143,16 +152,19 @@ def limitations() -> Any:
         errors = [_stops_off(done[n], truth[n]) for n in range(0, 48, 8)]
         worst = 8 * int(np.argmax([np.mean(np.abs(e)) for e in errors]))
         off = np.clip(_stops_off(done[worst], truth[worst]) / 4, -1, 1)[..., None]
-        blue_red = np.where(off < 0, off * (-255, -120, 0), off * (0, 120, 255)).astype(np.uint8)
-        rows.append(
+        hue = np.where(off < 0, (200, 90, 0), (0, 110, 230))  # BGR: blue, orange
+        error = (235 + np.abs(off) * (hue - 235)).astype(np.uint8)
+        rows += [
             [
                 labelled(shown(sdr[worst]), f"{name}, frame {worst + 1}: SDR"),
+                labelled(error, "error: blue too dark, orange too bright"),
+            ],
+            [
                 labelled(in_stops(done[worst]), "itmo_video, in stops"),
                 labelled(in_stops(truth[worst]), "true radiance, in stops"),
-                labelled(blue_red, "error: too dark blue, too bright red"),
-            ]
-        )
-    return cv2.resize(grid(rows), None, fx=0.75, fy=0.75, interpolation=cv2.INTER_AREA)
+            ],
+        ]
+    return grid(rows)
 
 
 def _stops_off(rgb: Any, truth: Any) -> Any:
