@@ -10,7 +10,9 @@ import av
 import numpy as np
 import numpy.typing as npt
 
-SHARED = Path(__file__).resolve().parents[2] / "shared"
+REPOSITORY = Path(__file__).resolve().parents[1]
+SAMPLES = REPOSITORY / "sample_clips"
+SHARED = REPOSITORY.parent / "shared"
 
 
 def write_ffv1(

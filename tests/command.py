@@ -9,10 +9,11 @@ import sys
 from collections.abc import Iterable
 from pathlib import Path
 
+from clips import REPOSITORY
+
 from itmo_video.errors import InputError
 from itmo_video.output.exr import read_exr
 
-REPOSITORY = Path(__file__).parents[1]
 COMMAND = (sys.executable, "-W", "error", "-m", "itmo_video")
 ENVIRONMENT = {**os.environ, "PYTHONPATH": str(REPOSITORY)}
 

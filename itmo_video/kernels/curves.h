@@ -9,7 +9,7 @@
    step; 0 below 2^-20 nits, a tenth of a step.
 
    One polynomial in the mantissa, plus the exponent, gives the logarithm, scaled to -1 to 1 over the
-   range; a second one in that gives the code. Both are minimax fits; tests/test_to_codes.py compares
+   range; a second one in that gives the code. Both are minimax fits; tests/delivery/test_to_codes.py compares
    with ST 2084. */
 static const float PQ_LEAST = 1.0f / (1 << 20), PQ_PER_OCTAVE = 0.0600822303f;
 static const float PQ_MANTISSA[5] = {-7.5801956f, 0.245519014f, -0.128223579f, 0.039036125f,

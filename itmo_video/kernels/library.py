@@ -49,7 +49,7 @@ _TYPES: dict[str, Any] = {
 }  # fmt: skip
 
 
-# As in loops.h (tests/test_native.py compares): lower case is a number or a plane's lines.
+# As in loops.h (tests/kernels/test_native.py compares): lower case is a number or a plane's lines.
 _ARGUMENTS = {
     "pack_literals": "BnnBL",
     "ycbcr_rows": "pppnLn" + "nnnnnnn" + "FFFF" + "FFF",

@@ -21,8 +21,8 @@ from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 
-from clips import moving_scene, write_ffv1
-from command import COMMAND, ENVIRONMENT, REPOSITORY
+from clips import REPOSITORY, moving_scene, write_ffv1
+from command import COMMAND, ENVIRONMENT
 
 LIGHTS = ("--lights", "64", "--quiet")
 LINES = {

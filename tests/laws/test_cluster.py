@@ -13,8 +13,8 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from clips import moving_scene, write_ffv1
-from command import REPOSITORY, broken_frames, run, start, temp_files, wait_for_frames
+from clips import REPOSITORY, moving_scene, write_ffv1
+from command import broken_frames, run, start, temp_files, wait_for_frames
 from same_bytes import assert_same_bytes
 
 from itmo_video import RunOptions, analyse, convert, make_settings

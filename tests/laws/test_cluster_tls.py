@@ -12,8 +12,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
-from clips import exr_bytes, moving_scene, write_ffv1
-from command import REPOSITORY
+from clips import REPOSITORY, exr_bytes, moving_scene, write_ffv1
 
 from itmo_video import convert, make_settings
 from itmo_video.cluster import dask_executor

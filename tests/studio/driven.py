@@ -12,9 +12,10 @@ from pathlib import Path
 from typing import Any
 
 from browser import PATIENCE_S, until
+from clips import SAMPLES
 from command import start
 
-CLIP = Path(__file__).resolve().parents[2] / "sample_clips" / "cut_and_flash.mp4"
+CLIP = SAMPLES / "cut_and_flash.mp4"
 
 
 @contextmanager

@@ -12,14 +12,14 @@ import time
 from pathlib import Path
 
 import pytest
-from test_exr import HEADER, header, picture
+from clips import REPOSITORY
+from exr_pictures import HEADER, header, picture
 
 from itmo_video.errors import InputError, OutputError
 from itmo_video.output import atomic, disk_space, exr
 from itmo_video.output.folder import OutputFolder
 from itmo_video.output.manifest import MANIFEST_NAME, Manifest, read_manifest
 
-REPOSITORY = Path(__file__).parents[1]
 ENVIRONMENT = {**os.environ, "PYTHONPATH": str(REPOSITORY)}
 OURS = Manifest("a.mp4", "d1", "clip", {"alpha": 0.5, "operator": "banterle2006"})
 STEMS = ["clip", "a b", "100%d %s", "x:y", "é文", "a.0001", "a[1]*?", "-rf", "{n}", "\udcff"]
@@ -404,7 +404,7 @@ def test_dead_owners_files_go_and_living_ones_stay(out):
 WRITE_ON = """
     import itertools, sys
     sys.path.insert(0, sys.argv[2])
-    from test_exr import HEADER, picture
+    from exr_pictures import HEADER, picture
     from itmo_video.output import exr, folder
     out = folder.OutputFolder(sys.argv[1], "clip")
     rgb = picture(200, 300)
@@ -419,7 +419,7 @@ def test_killed_at_any_moment_all_frames_are_whole(out):
     out.claim(OURS)
     rng = random.Random(0)
     for _ in range(6):
-        worker = start_python(WRITE_ON, out.path, REPOSITORY / "tests")
+        worker = start_python(WRITE_ON, out.path, Path(__file__).parent)
         worker.stdout.readline()
         time.sleep(rng.uniform(0.01, 0.1))
         worker.kill()

@@ -11,8 +11,9 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
+from clips import REPOSITORY
 
-SCRIPTS = Path(__file__).resolve().parent.parent / "docs" / "reproduction"
+SCRIPTS = REPOSITORY / "docs" / "reproduction"
 NAMES = ("common", "table1", "figures", "table2", "table2_vdp", "figure8")
 
 

@@ -1,4 +1,4 @@
-"""A short run of tests/fuzz.py on clips of our own making."""
+"""A short run of tests/faults/fuzz.py on clips of our own making."""
 
 from __future__ import annotations
 

@@ -10,13 +10,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from clips import SHARED, moving_scene, write_ffv1, write_noise
+from clips import SAMPLES, SHARED, moving_scene, write_ffv1, write_noise
 
 from itmo_video.cli.main import _parser, main
 from itmo_video.cli.outcome import interrupted
 from itmo_video.cli.parser_facts import commands_of
-
-SAMPLES = Path(__file__).resolve().parents[1] / "sample_clips"
 
 
 @pytest.fixture(scope="module")

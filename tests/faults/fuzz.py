@@ -1,6 +1,6 @@
 """Mutated files through the command: no crash, hang, traceback, or file outside the folder.
 
-    python tests/fuzz.py FILE... [--count 2000] [--seed 0]
+    python tests/faults/fuzz.py FILE... [--count 2000] [--seed 0]
 
 Each of the mutants (bit flips, cuts, header edits of the files named, seeded) is converted by a
 process of its own with 2 GB of memory and 20 s.

@@ -8,8 +8,7 @@ import tokenize
 from pathlib import Path
 
 import pytest
-from clips import moving_scene, write_ffv1
-from command import REPOSITORY
+from clips import REPOSITORY, moving_scene, write_ffv1
 
 from itmo_video.cli.main import main
 from itmo_video.output.disk_space import in_words

@@ -11,8 +11,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from clips import moving_scene, write_ffv1
-from command import REPOSITORY
+from clips import REPOSITORY, moving_scene, write_ffv1
 
 from itmo_video.cli.main import main
 
@@ -23,15 +22,15 @@ PAGES = (
 )
 PROGRAM = "itmo-video "
 NOT_RUN = {  # a pattern of the command line, and why it is not run here
-    r"[|<>]|&&": "a shell's pipe or redirection: tests/test_pipes.py, tests/test_shell.py",
+    r"[|<>]|&&": "a shell's pipe or redirection: delivery/test_pipes.py, cli/test_shell.py",
     r"\.\.\.|COMMAND": "an abbreviation",
-    r"--shots|\.otio|film\.mov": "extra `otio`, and an edit: tests/test_edit_lists.py",
+    r"--shots|\.otio|film\.mov": "extra `otio`, and an edit: tests/analysis/test_edit_lists.py",
     r"\bstudio\b": "waits for a browser: tests/studio",
-    r"--scheduler": "starts processes or needs a scheduler: tests/test_cluster*.py, tests/laws",
-    r"--as aces": "extra `ocio`: tests/test_aces_views.py",
-    r"--ibl": "extra `ibl` and a minute: tests/test_ibl.py",
-    r"--raw|convert -( |$)|preview -( |$)": "read from a pipe: tests/test_pipes.py",
-    r"codec hevc|codec prores|master\.mov": "slow encoders: tests/test_preview.py",
+    r"--scheduler": "starts processes or needs a scheduler: tests/laws/test_cluster*.py",
+    r"--as aces": "extra `ocio`: tests/delivery/test_aces_views.py",
+    r"--ibl": "extra `ibl` and a minute: tests/evaluation/test_ibl.py",
+    r"--raw|convert -( |$)|preview -( |$)": "read from a pipe: tests/delivery/test_pipes.py",
+    r"codec hevc|codec prores|master\.mov": "slow encoders: tests/delivery/test_preview.py",
     rf"^(?!{PROGRAM})": "pip (.ci/run runs README's two commands), or another program",
 }
 ON_A_FOLDER = {"--verify", "--dry-run", "--update", "--frames"}

@@ -7,9 +7,10 @@ from typing import Any
 
 import nbformat
 import pytest
+from clips import REPOSITORY
 from nbclient import NotebookClient
 
-NOTEBOOK = Path(__file__).resolve().parents[1] / "docs" / "guide" / "library.ipynb"
+NOTEBOOK = REPOSITORY / "docs" / "guide" / "library.ipynb"
 
 
 @pytest.mark.filterwarnings("ignore::DeprecationWarning:zmq", "ignore::ResourceWarning")

@@ -7,7 +7,7 @@ import json
 from pathlib import Path
 
 import pytest
-from clips import moving_scene, write_ffv1
+from clips import SAMPLES, moving_scene, write_ffv1
 from command import run
 
 from itmo_video import EvaluateOptions, analyse, convert, evaluate
@@ -16,7 +16,7 @@ from itmo_video.delivery.preview import preview
 from itmo_video.events import Event, Finished, FrameDone, Started, Warned, as_json
 from itmo_video.html_report.page import report
 
-CLIP = Path(__file__).parents[1] / "sample_clips" / "night_street.mp4"
+CLIP = SAMPLES / "night_street.mp4"
 FLAGS = ("--lights", 64, "--json", "--quiet")
 
 

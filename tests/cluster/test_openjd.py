@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import re
-from pathlib import Path
 
 import pytest
+from clips import REPOSITORY
 
 from itmo_video import RunOptions
 from itmo_video.cli import main
 from itmo_video.cli.option_flags import options_of
 from itmo_video.conversion.frame_ranges import parse_ranges
 
-RECIPE = Path(__file__).parents[1] / "configs" / "openjd-convert.yaml"
+RECIPE = REPOSITORY / "configs" / "openjd-convert.yaml"
 
 model = pytest.importorskip("openjd.model", reason="openjd-model is not installed")
 

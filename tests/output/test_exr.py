@@ -15,6 +15,8 @@ import av
 import numpy as np
 import OpenEXR
 import pytest
+from clips import REPOSITORY
+from exr_pictures import HEADER, REC709, header, picture
 
 from itmo_video.compressions import WRITTEN as COMPRESSIONS
 from itmo_video.errors import InputError, OutputError
@@ -22,33 +24,7 @@ from itmo_video.output import atomic, exr
 
 pytestmark = pytest.mark.usefixtures("loops")
 
-REPOSITORY = Path(__file__).parents[1]
-REC709 = (0.64, 0.33, 0.3, 0.6, 0.15, 0.06, 0.3127, 0.329)
 LOSSY = {"b44": 0.05, "dwaa": 0.02, "dwab": 0.02}  # of the range of the smooth test picture
-HEADER = exr.ExrHeader(
-    compression="zip",
-    chromaticities=REC709,
-    white_nits=203.0,
-    frame_rate=Fraction(24000, 1001),
-    pixel_aspect=Fraction(64, 45),
-    time_s=Fraction(1001, 24000),
-    source_name="Ein Film, 文 %04d: 1.mp4",
-    fingerprint="0123abcd" * 8,
-    timecode="01:02:03;04",
-    settings_text="l_max = 4.93\nalpha = 'x'\n",
-)
-
-
-def header(**changes):
-    return dataclasses.replace(HEADER, **changes)
-
-
-def picture(height, width, seed=0):
-    """Return smooth R, G, B up to about 8 with a little noise."""
-    rng = np.random.default_rng(seed)
-    y, x = np.mgrid[0:height, 0:width]
-    planes = [4 + 4 * np.sin(x / 23 + k) * np.cos(y / 17 - k) for k in range(3)]
-    return tuple((p + 0.01 * rng.random(p.shape)).astype(np.float16) for p in planes)
 
 
 def run_python(code, *args, prefix=(), timeout=60):
@@ -312,7 +288,7 @@ def test_an_interrupt_leaves_no_temporary_file(tmp_path, monkeypatch):
 WRITE_UNTIL_FULL = """
     import dataclasses, sys
     sys.path.insert(0, sys.argv[2])
-    from test_exr import HEADER, picture
+    from exr_pictures import HEADER, picture
     from itmo_video import errors
     from itmo_video.output import exr
     try:
@@ -332,7 +308,7 @@ WRITE_UNTIL_FULL = """
 
 
 def test_file_size_limit(tmp_path):
-    done = run_python(WRITE_UNTIL_FULL, tmp_path, REPOSITORY / "tests", 20000)
+    done = run_python(WRITE_UNTIL_FULL, tmp_path, Path(__file__).parent, 20000)
     assert done.stdout.split() == ["True", "True", "True", "5"], done.stderr
 
 
@@ -343,7 +319,7 @@ def test_full_disk(tmp_path):
         done = run_python(
             WRITE_UNTIL_FULL,
             tmp_path,
-            REPOSITORY / "tests",
+            Path(__file__).parent,
             prefix=("unshare", "-m", "sh", "-c", mount, "sh"),
         )
     except FileNotFoundError:

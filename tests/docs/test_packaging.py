@@ -5,7 +5,7 @@ from __future__ import annotations
 import tomllib
 from importlib.resources import files
 
-from command import REPOSITORY
+from clips import REPOSITORY
 
 from itmo_video.conversion.plan import ALGORITHM
 

@@ -1,6 +1,6 @@
 """Mutants of stills and field reports, each read by a fork with 2 GB of memory and 20 s.
 
-    python tests/fuzz_inputs.py [--count 3000] [--seed 0] [--only NAME] [FILE...]
+    python tests/faults/fuzz_inputs.py [--count 3000] [--seed 0] [--only NAME] [FILE...]
 
 Without files: a still of every format that is read, made here, and ../shared's field reports. The
 mutant `n` of a run is that of seed and n alone, so `--only-number n` makes it again. Wrong is any
@@ -21,6 +21,8 @@ import tempfile
 from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
 
 import numpy as np
 from clips import SHARED

@@ -14,8 +14,7 @@ from urllib.parse import unquote, urlsplit
 import cv2
 import pytest
 from browser import chromium, until
-from clips import moving_scene, write_ffv1
-from command import REPOSITORY
+from clips import REPOSITORY, moving_scene, write_ffv1
 
 from itmo_video.cli.main import _parser, main
 from itmo_video.cli.parser_facts import commands_of

@@ -14,7 +14,7 @@ import av
 import cv2
 import numpy as np
 import pytest
-from clips import SHARED
+from clips import SAMPLES, SHARED
 from oracles import to_rgb_code
 
 from itmo_video.colour import linear_light
@@ -28,7 +28,7 @@ from itmo_video.source.opening import open_clip
 from itmo_video.source.tags import InputOptions
 
 DATA = SHARED / "data"
-MAKER = Path(__file__).resolve().parents[1] / "sample_clips"
+MAKER = SAMPLES
 
 # name: error class, or (frames, decoded, width, height as shown) and what else is known
 CLIPS = {

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from clips import SAMPLES
 
 from itmo_video import RunOptions, convert, make_settings
 from itmo_video.compressions import WRITTEN as COMPRESSIONS
@@ -12,7 +13,7 @@ from itmo_video.conversion import checking
 from itmo_video.events import Event, Warned
 from itmo_video.output import disk_space
 
-CLIP = Path(__file__).parents[1] / "sample_clips" / "night_street.mp4"
+CLIP = SAMPLES / "night_street.mp4"
 
 
 @pytest.mark.parametrize("compression", COMPRESSIONS)
