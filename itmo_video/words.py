@@ -18,9 +18,14 @@ def to_install(extra: str) -> str:
     return f"Run in the source folder of itmo_video: pip install '.[{extra}]'"
 
 
+def frames_named(ranges: str) -> str:
+    """`frame 5`, `frames 1-3`, of numbers as text."""
+    return f"frame {ranges}" if ranges.isdecimal() else f"frames {ranges}"
+
+
 def frames_are(ranges: str) -> str:
     """`frame 5 is`, `frames 1-3 are`, of numbers as text."""
-    return f"frame {ranges} is" if ranges.isdecimal() else f"frames {ranges} are"
+    return f"{frames_named(ranges)} {'is' if ranges.isdecimal() else 'are'}"
 
 
 def missing(count: int, noun: str) -> str:

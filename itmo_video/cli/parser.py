@@ -25,6 +25,12 @@ class Parser(argparse.ArgumentParser):
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
         """Parse; raises UsageError for flags that do not exist."""
         found, unknown = super().parse_known_args(args, namespace)
+        if unknown and not any(word.startswith("-") for word in unknown):
+            raise UsageError(
+                f"too many arguments, from {unknown[0]} on",
+                remedy="Give an image sequence by its pattern, such as img.%04d.png. "
+                f"Usage: {self.prog} {usage_of(self)}",
+            )
         if unknown:  # raised here, as the command itself knows what may have been meant
             flags = (word.partition("=")[0].replace("_", "-") for word in unknown)
             meant = next((m for f in flags for m in self._close_options(f)), None)

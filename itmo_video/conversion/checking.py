@@ -36,7 +36,7 @@ def describe_plan(
         f"{frames} ({format_ranges(plan.numbers)}) of {width}x{height}, "
         f"{len(plan.numbers) - len(todo)} of them already present",
         f"{keys} at an interval of {plan.settings.key_reach}, and two more at each cut",
-        f"at most {plan.memory_bytes / 1e6:.0f} MB of memory with {plan.jobs} jobs",
+        f"at most {plan.memory_bytes / 1e6:.0f} MB of memory with {counted(plan.jobs, 'job')}",
         f"about {disk_space.in_words(needed)} of disk space, "
         f"{disk_space.in_words(disk_space.free_bytes(folder.path))} free",
     ]

@@ -30,7 +30,7 @@ from itmo_video.rendering.frame import Rendered
 from itmo_video.settings import Settings
 from itmo_video.source.opening import Clip, input_options, open_clip
 from itmo_video.source.pipe import is_pipe
-from itmo_video.words import counted, missing
+from itmo_video.words import counted, frames_are, frames_named, missing
 
 _HARDLY = 1.15  # times SDR white, which codes above white reach anyway
 
@@ -203,8 +203,8 @@ def nothing_expanded(plan: Plan, summary: Summary) -> str | None:
     if peak is None or peak > _HARDLY * settings.white_nits:
         return None
     return (
-        "hardly anything was expanded: the footage looks neither clipped nor tone-mapped (see "
-        "itmo-video info); --footage tone-mapped or --preset paper expands it anyway"
+        "hardly anything was expanded: little in this footage seems to have been brighter than "
+        "white; --footage tone-mapped or --preset paper expands it anyway"
     )
 
 
@@ -217,7 +217,7 @@ def peak_of(rgb: Sequence[Half]) -> float:
 
 def _other_settings(numbers: Sequence[int], folder: OutputFolder) -> OutputError:
     return OutputError(
-        f"frames {format_ranges(numbers)} were rendered with other settings",
+        f"{frames_named(format_ranges(numbers))} rendered with other settings",
         where=str(folder.path),
         remedy="Use --update to re-render them, or choose another folder.",
     )
@@ -235,9 +235,11 @@ def _damage(
         missing_at = [plan.numbers[number] for number in summary.missing]
         reasons = [faults[index] for index in missing_at if index in faults]
         why = f" ({'; '.join(reasons[:3])}{', ...' * (len(reasons) > 3)})" if reasons else ""
-        told.append(f"frames {format_ranges(summary.missing)} could not be decoded{why}")
+        told.append(
+            f"{frames_are(format_ranges(summary.missing))} missing or cannot be decoded{why}"
+        )
     if summary.damaged:
-        told.append(f"frames {format_ranges(summary.damaged)} are damaged in the source")
+        told.append(f"{frames_are(format_ranges(summary.damaged))} damaged in the source")
     if cut_short > 0:
         told.append(f"the file is truncated or damaged: {missing(cut_short, 'frame')}")
     made = counted(summary.written + summary.present, "frame")

@@ -24,7 +24,7 @@ from itmo_video.rendering.frame import Rendered
 from itmo_video.settings import Settings
 from itmo_video.source.opening import input_options
 from itmo_video.source.pipe import PipeClip
-from itmo_video.words import frames_are
+from itmo_video.words import frames_are, frames_named
 
 ENDLESS = range(2**40)  # indices of a stream, more than any has
 
@@ -121,7 +121,7 @@ def convert_pipe(
     on_event(Finished(**asdict(summary)))
     told = pipe_damage(clip, run, summary.missing)
     if summary.damaged:
-        told.append(f"frames {format_ranges(summary.damaged)} are damaged in the source")
+        told.append(f"{frames_are(format_ranges(summary.damaged))} damaged in the source")
     if told:
         raise DamagedInputError(
             "; ".join(told),
@@ -136,9 +136,9 @@ def pipe_damage(clip: PipeClip, run: RunOptions, missing: Sequence[int] = ()) ->
     lost = [index + first_number(run) for index in clip.lost]
     told = [clip.broken] if clip.broken else []
     if run.frames is None and lost:
-        told.append(f"frames {format_ranges(lost)} could not be decoded")
+        told.append(f"{frames_named(format_ranges(lost))} could not be decoded")
     if missing:
-        told.append(f"frames {format_ranges(missing)} did not arrive")
+        told.append(f"{frames_named(format_ranges(missing))} did not arrive")
     return told
 
 

@@ -181,7 +181,7 @@ def _left_out(numbers: Mapping[int, int], first: int, analysis: Analysis | None)
     listed = {n + offset for shot in analysis.shots for n in range(shot.first, shot.last + 1)}
     if not (alone := sorted(set(numbers) - listed)):
         return []
-    told = f"frames {format_ranges(alone)} are in no shot of {analysis.where or 'the analysis'}"
+    told = f"{frames_are(format_ranges(alone))} in no shot of {analysis.where or 'the analysis'}"
     return [f"{told}: they use the settings of the clip"]
 
 

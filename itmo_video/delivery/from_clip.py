@@ -18,7 +18,7 @@ from itmo_video.rendering.frame import Rendered
 from itmo_video.settings import Settings
 from itmo_video.source.opening import Clip, input_options, open_clip
 from itmo_video.source.pipe import PipeClip, is_pipe
-from itmo_video.words import counted
+from itmo_video.words import missing
 
 
 def from_clip(source: Path, settings: Settings, run: RunOptions) -> Pictures:
@@ -66,7 +66,7 @@ def from_clip(source: Path, settings: Settings, run: RunOptions) -> Pictures:
                 pictures.damage += pipe_damage(clip, run)
             if not is_endless and made < len(wanted):
                 pictures.damage.append(
-                    f"{counted(len(wanted) - made, 'frame')} could not be decoded"
+                    f"{missing(len(wanted) - made, 'frame')} or cannot be decoded"
                 )
 
         longest = max(own.settings.key_reach for own in plan.looks)

@@ -122,7 +122,7 @@ def _both(
     """Source and result in one picture, with labels."""
     if not options.no_labels:
         told = f"HDR {shown_peak(pictures, options):.0f} nits"
-        full = told if options.hdr_compare else f"{told}, shown by {options.tone_map}"
+        full = told if options.hdr_compare else f"{told}, tone-mapped ({options.tone_map})"
         stops = f", {options.exposure:+g} stops" if options.exposure else ""
         is_wipe = options.layout == "wipe"
         source = labelled(source, [f"SDR source{stops}", "SDR"])

@@ -217,7 +217,10 @@ def open_converted(folder: Path) -> Converted:
     found = find_converted(folder)
     if found is None:
         raise InputError(
-            "not a converted folder", where=str(folder), remedy="Convert a clip first."
+            "not a converted folder",
+            where=str(folder),
+            remedy="Give a folder that convert wrote, a film, or an image sequence by its pattern, "
+            "such as img.%04d.png.",
         )
     if not found.files:
         raise InputError(

@@ -52,6 +52,15 @@ def test_wrong_usage_is_exit_2_and_makes_nothing(
     assert not out.exists(), "nothing may be made when the settings are wrong"
 
 
+def test_a_sequence_expanded_by_the_shell_is_asked_for_as_a_pattern(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert main(["preview", "a.01.png", "a.02.png", "a.03.png", "film.mp4"]) == 2
+    said = capsys.readouterr().err
+    assert "too many arguments, from a.03.png on" in said
+    assert "by its pattern, such as img.%04d.png" in said
+
+
 def test_a_missing_input_is_exit_3(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["convert", str(tmp_path / "no.mp4"), str(tmp_path / "out")]) == 3
     assert "no such file" in capsys.readouterr().err

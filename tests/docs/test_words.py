@@ -12,12 +12,15 @@ from clips import REPOSITORY, moving_scene, write_ffv1
 
 from itmo_video.cli.main import main
 from itmo_video.output.disk_space import in_words
-from itmo_video.words import counted, missing
+from itmo_video.words import counted, frames_are, missing
 
 DOCS = sorted((REPOSITORY / "docs").glob("*.md"))
 
 
 def test_one_has_no_s() -> None:
+    assert [frames_are(text) for text in ("7", "7-9", "1,3")] == [
+        "frame 7 is", "frames 7-9 are", "frames 1,3 are",
+    ]  # fmt: skip
     assert [counted(n, "frame") for n in (0, 1, 2)] == ["0 frames", "1 frame", "2 frames"]
     assert missing(1, "frame") == "1 frame is missing"
     assert missing(3, "frame") == "3 frames are missing"

@@ -192,7 +192,7 @@ def test_09_a_truncated_image_of_a_sequence_is_named(
         (tmp_path / f"s.{n}.jpg").write_bytes(image[: len(image) // 2] if n == 1 else image)
     assert main(["convert", str(tmp_path / "s.%d.jpg"), str(tmp_path / "out"), "--quiet"]) == 4
     told = capsys.readouterr().err
-    assert "frames 1 could not be decoded (s.1.jpg: it is truncated" in told
+    assert "frame 1 is missing or cannot be decoded (s.1.jpg: it is truncated" in told
     assert len(list((tmp_path / "out").glob("*.exr"))) == 2
 
 
