@@ -12,7 +12,7 @@ from itmo_video.colour import linear_light
 from itmo_video.colour.analysis_picture import averaged
 from itmo_video.colour.primaries import LUMINANCE_WEIGHTS_BANTERLE2006
 from itmo_video.colour.strips import strip_buffers, strips
-from itmo_video.kernels import compiled
+from itmo_video.kernels import compiled, compiled_near_white
 from itmo_video.kernels.dispatch import with_compiled_form
 from itmo_video.model import Float32, Frame
 
@@ -57,6 +57,7 @@ def frame_luminance(frame: Frame) -> Float32:
     return luminance
 
 
+@with_compiled_form(compiled_near_white.greatest)
 def greatest_of(rgb: Float32) -> Float32:
     """The highest channel of each pixel of (H, W, 3): float32 (H, W)."""
     red, green, blue = cv2.split(rgb)  # NumPy's max along an axis of three takes ten times as long

@@ -63,6 +63,8 @@ def _map_of_rgb(frame: Frame, size: tuple[int, int], look: Look, recall: Recall)
     rgb = recall("rgb", lambda: frame_rgb_small(frame, size))
     inner = recall("inner", lambda: _inner(luminance_of([rgb[..., c] for c in range(3)]), wraps))
     own = look.operator.map(rgb[inner], context)
+    if own.shape[:2] == rgb.shape[:2]:
+        return own
     key_map = np.zeros((size[1], size[0], own.shape[2]), np.float32)
     key_map[inner] = own
     return key_map

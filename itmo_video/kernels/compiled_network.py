@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import math
 from collections.abc import Iterable
 
 import numpy as np
@@ -32,6 +33,31 @@ def shares(loaded: ctypes.CDLL, features: Float32, weights: Float32) -> Float32:
         whole(features), height, width, weights,
         np.empty(_TILES_FLOATS + 3 * area * _PADDED + kept, np.float32), out,
     )  # fmt: skip
+    return out
+
+
+def features(
+    loaded: ctypes.CDLL, codes: Float32, height: int, gate: tuple[float, float]
+) -> Float32:
+    """`auto_levels.features` with the gate's centre and slope."""
+    rows, columns = codes.shape[0] // 2, codes.shape[1] // 2
+    if codes.shape != (2 * rows, 2 * columns, 3):
+        raise ValueError(f"codes of shape {codes.shape}")
+    centre, slope = gate
+    most = 1 + math.exp(-slope * (1 - centre))
+    out = np.empty((GIVEN, rows, columns), np.float32)
+    loaded.itmo_network_features(
+        whole(codes), rows, columns, slope / math.log(2), centre, most,
+        2 / max(height / 2 - 1, 1), out,
+    )  # fmt: skip
+    return out
+
+
+def srgb_codes(loaded: ctypes.CDLL, rgb_linear: Float32) -> Float32:
+    """`auto_levels.srgb_codes`."""
+    light = whole(rgb_linear)
+    out = np.empty_like(light)
+    loaded.itmo_srgb_codes(light, light.size, out)
     return out
 
 

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-_VERSION = 18  # of the kernels
+_VERSION = 19  # of the kernels
 
 
 class _Array:
@@ -64,7 +64,16 @@ _ARGUMENTS = {
     "blend": "FFFnnF",
     "halves": "FnH",
     "area_means": "pnnL" + "IFIF" + "FB",
+    "greatest": "FnF",
+    "weighed_by_light": "FffnFF",
+    "mean_colour": "FFFfnF",
+    "share_ramps": "FFfffnF",
+    "with_near": "FFffnF",
+    "bounded_parting": "FFFFnF",
+    "held_together": "FFFnF",
     "network": "FnnF" + "FF",
+    "network_features": "FnnffffF",
+    "srgb_codes": "FnF",
     "network_filters": "FnnnF",
     "ramps": "Fff" + "nF",
     "expand_auto": "FFF" + "F" + "FFFF" + "F" + "fn" + "HHH",

@@ -83,8 +83,24 @@ void itmo_camera_model(const double *across, const double *down, const double *v
 void itmo_area_means(const uint8_t *plane, int64_t stride, int64_t bytes, const int64_t *sizes,
     const int32_t *columns, const float *column_shares, const int32_t *rows,
     const float *row_shares, float *scratch, uint8_t *out);
+void itmo_greatest(const float *rgb, int64_t count, float *restrict out);
+void itmo_weighed_by_light(const float *rgb, float low, float scale, int64_t count,
+    float *restrict weight, float *restrict out);
+void itmo_mean_colour(const float *around, const float *own, const float *weight, float trace,
+    int64_t count, float *restrict out);
+void itmo_share_ramps(const float *part, const float *all, float least, float low, float scale,
+    int64_t count, float *restrict out);
+void itmo_with_near(const float *known, const float *around, float low, float scale,
+    int64_t count, float *restrict out);
+void itmo_bounded_parting(const float *levels, const float *colour, const float *lost,
+    const float *n, int64_t count, float *restrict out);
+void itmo_held_together(const float *stops, const float *lost, const float *decided,
+    int64_t count, float *restrict out);
 void itmo_network(const float *features, int64_t height, int64_t width, const float *weights,
     float *scratch, float *out);
+void itmo_network_features(const float *codes, int64_t height, int64_t width, float slope,
+    float centre, float most, float step, float *restrict out);
+void itmo_srgb_codes(const float *light, int64_t count, float *restrict out);
 void itmo_network_filters(const float *filters, int64_t kept, int64_t channels, int64_t padded,
     float *out);
 int itmo_version(void);

@@ -282,3 +282,39 @@ void itmo_network_filters(const float *filters, int64_t kept, int64_t channels, 
                 to[p * padded * LANES] = (float)whole[p / 6][p % 6];
         }
 }
+
+/* See compiled_network.features: `codes` of (2 height, 2 width), R, G, B side by side. */
+CLONED void itmo_network_features(const float *codes, int64_t height, int64_t width, float slope,
+                                  float centre, float most, float step, float *restrict out)
+{
+    int64_t count = height * width;
+    for (int64_t y = 0; y < height; y++) {
+        for (int part = 0; part < 4; part++) { /* left and right above, left and right below */
+            const float *line = codes + ((2 * y + part / 2) * 2 * width + part % 2) * 3;
+            float *to = out + part * count + y * width;
+            for (int64_t x = 0; x < width; x++) {
+                float red = line[6 * x], green = line[6 * x + 1], blue = line[6 * x + 2];
+                float greatest = red > green ? red : green;
+                greatest = greatest > blue ? greatest : blue;
+                float power = between((centre - greatest) * slope, -120, 120);
+                to[x] = red - 0.5f;
+                to[4 * count + x] = green - 0.5f;
+                to[8 * count + x] = blue - 0.5f;
+                to[12 * count + x] = most / (1 + two_to(power, nearest(power)));
+            }
+        }
+        for (int64_t x = 0; x < width; x++)
+            out[16 * count + y * width + x] = (float)y * step - 1;
+    }
+}
+
+/* See compiled_network.srgb_codes. */
+CLONED void itmo_srgb_codes(const float *light, int64_t count, float *restrict out)
+{
+    const float toe = 0.0031308f;
+    for (int64_t x = 0; x < count; x++) {
+        float power = log_two(light[x] > toe ? light[x] : toe) * (1 / 2.4f);
+        float curve = 1.055f * two_to(power, nearest(power)) - 0.055f;
+        out[x] = light[x] <= toe ? 12.92f * light[x] : curve;
+    }
+}

@@ -2,5 +2,5 @@
 
 int itmo_version(void)
 {
-    return 18;
+    return 19;
 }

@@ -17,6 +17,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
+import cv2
 import numpy as np
 
 from itmo_video.colour.luminance import greatest_of, luminance_of
@@ -63,7 +64,6 @@ def map_auto(rgb_linear: Float32, context: Context, wrap_x: bool = False) -> Flo
     height, width = rgb_linear.shape[:2]
     pad = min(width, max(1, width // 8)) if wrap_x else 0
     wide = np.pad(rgb_linear, ((0, 0), (pad, pad), (0, 0)), "wrap")
-    maps = np.empty((height, width, 4), np.float32)
     shares = context.recall("shares", lambda: level_shares(rgb_linear, wrap_x))
     levels = expected_levels(shares, (height, width), context.l_max, wrap_x)
     levels = np.pad(levels, ((0, 0), (pad, pad), (0, 0)), "wrap")
@@ -81,10 +81,10 @@ def map_auto(rgb_linear: Float32, context: Context, wrap_x: bool = False) -> Flo
     tested = context.recall(
         "self_test", lambda: self_test(rgb_linear, mean_stops(shares, clipped, wrap_x), wrap_x)
     )
-    maps[..., :3] = opened * np.float32(rendering.caution * trusted * tested)
-    weight = curve_weight(wide, rendering, context.lamps)
-    maps[..., 3] = weight[:, pad : pad + width]
-    return maps
+    used = opened * np.float32(rendering.caution * trusted * tested)
+    weight = curve_weight(wide, rendering, context.lamps)[:, pad : pad + width]
+    maps = cv2.merge([*cv2.split(used), weight])  # NumPy takes three times as long
+    return np.asarray(maps, np.float32).reshape(height, width, 4)
 
 
 def _numbers(context: Context) -> compiled_auto.GainAuto:

@@ -11,6 +11,8 @@ import cv2
 import numpy as np
 
 from itmo_video.colour.luminance import greatest_of
+from itmo_video.kernels import compiled_near_white
+from itmo_video.kernels.dispatch import with_compiled_form
 from itmo_video.model import Float32
 from itmo_video.operators.ramps import ramps
 
@@ -18,6 +20,7 @@ CLIPS_FROM, CLIPS_WHOLLY = 0.95, 0.985  # of white, linear: compression lets cli
 NEAR_FROM, NEAR_WHOLLY = 0.8, 0.93  # of white, linear: bright; a channel that clips with the others
 AROUND_PX = 2.5  # standard deviation, of the analysis picture
 KNOWN_FROM, KNOWN_WHOLLY = 0.1, 0.7  # shares of what is bright around
+LEAST_BRIGHT = 0.02  # of the surroundings, added to what is bright
 
 
 def known_clipped(rgb_linear: Float32) -> Float32:
@@ -30,17 +33,24 @@ def known_clipped(rgb_linear: Float32) -> Float32:
     """
     shape = rgb_linear.shape
     clips = ramps(rgb_linear, CLIPS_FROM, CLIPS_WHOLLY)
-    share = share_of(clips, ramps(rgb_linear, NEAR_FROM, NEAR_WHOLLY), AROUND_PX)
-    known = cv2.dilate(ramps(share, KNOWN_FROM, KNOWN_WHOLLY), np.ones((3, 3), np.uint8))
-    known = blurred(known, 1).reshape(shape)
-    near = ramps(cv2.blur(rgb_linear, (3, 3)).reshape(shape), NEAR_FROM, NEAR_WHOLLY)
+    bright = blurred(ramps(rgb_linear, NEAR_FROM, NEAR_WHOLLY), AROUND_PX)
+    clipped = blurred(clips, AROUND_PX)
+    decided = share_ramps(clipped, bright, LEAST_BRIGHT, KNOWN_FROM, KNOWN_WHOLLY)
+    known = blurred(cv2.dilate(decided, np.ones((3, 3), np.uint8)).reshape(shape), 1)
+    return with_near(known, cv2.blur(rgb_linear, (3, 3)).reshape(shape), NEAR_FROM, NEAR_WHOLLY)
+
+
+@with_compiled_form(compiled_near_white.share_ramps)
+def share_ramps(part: Float32, all_: Float32, least: float, low: float, high: float) -> Float32:
+    """`ramps` of `part` over (`all_` + `least`): the share of clipped among what is bright."""
+    return ramps(np.asarray(part / (all_ + np.float32(least)), np.float32), low, high)
+
+
+@with_compiled_form(compiled_near_white.with_near)
+def with_near(known: Float32, around: Float32, low: float, high: float) -> Float32:
+    """Each channel of `known`, or the greatest times `ramps` of `around` if that is more."""
+    near = ramps(around, low, high)
     return np.asarray(np.maximum(known, near * greatest_of(known)[..., None]), np.float32)
-
-
-def share_of(clips: Float32, bright: Float32, sigma: float) -> Float32:
-    """The share of clipped among bright pixels nearby, for each channel."""
-    around = blurred(bright, sigma) + np.float32(0.02)
-    return np.asarray(blurred(clips, sigma) / around, np.float32)
 
 
 def averaged(planes: Float32, size: tuple[int, int]) -> Float32:

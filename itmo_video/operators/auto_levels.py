@@ -8,12 +8,15 @@ serves every L'max.
 
 from __future__ import annotations
 
+import ctypes
 import math
 
 import cv2
 import numpy as np
 
 from itmo_video.colour.luminance import greatest_of
+from itmo_video.kernels import compiled_network
+from itmo_video.kernels.dispatch import with_compiled_form
 from itmo_video.model import Float32
 from itmo_video.operators.auto_clipping import averaged
 from itmo_video.operators.auto_network import network_shares
@@ -27,6 +30,7 @@ WRAP_PX = 64  # added at each side of a panorama from its other side
 CERTAIN_STOPS = 2.3  # levels that a display of 1000 nits shows
 
 
+@with_compiled_form(compiled_network.srgb_codes)
 def srgb_codes(rgb_linear: Float32) -> Float32:
     """SRGB codes in [0, 1] of linear light in [0, 1], float32 (IEC 61966-2-1)."""
     curve = cv2.log(np.maximum(rgb_linear, np.float32(0.0031308)))
@@ -36,6 +40,11 @@ def srgb_codes(rgb_linear: Float32) -> Float32:
     return np.where(low, np.float32(12.92) * rgb_linear, curve).astype(np.float32)
 
 
+def _compiled_features(loaded: ctypes.CDLL, codes: Float32, height: int) -> Float32:
+    return compiled_network.features(loaded, codes, height, (GATE_CENTRE, GATE_SLOPE))
+
+
+@with_compiled_form(_compiled_features)
 def features(codes: Float32, height: int) -> Float32:
     """The network's input, float32 (17, h/2, w/2), of codes (h, w, 3) in [0, 1].
 

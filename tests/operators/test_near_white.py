@@ -1,0 +1,74 @@
+"""A keyframe's planes near white: both forms of each kernel agree."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+from itmo_video.colour.luminance import greatest_of
+from itmo_video.kernels import compiled_near_white, library
+from itmo_video.operators import auto_clipping, auto_levels, auto_parting, auto_rendering
+
+loaded = library.library()
+compiled = pytest.mark.skipif(loaded is None, reason="installed without a C compiler")
+SHAPES = [(36, 50), (7, 1), (1, 3)]
+
+
+def _pictures(shape: tuple[int, int]) -> list[np.ndarray]:
+    """Pictures (H, W, 3) of which much is at 0 and at 1."""
+    light = np.random.default_rng(9).random((3, *shape, 3), np.float32)
+    return list(np.clip(light * np.float32(1.4) - np.float32(0.2), 0, 1))
+
+
+FORMS: dict[str, Callable[[Any, Any, Any], Any]] = {
+    "greatest": lambda a, b, c: greatest_of(a),
+    "known": lambda a, b, c: auto_clipping.known_clipped(a),
+    "colour": lambda a, b, c: auto_parting.colour_of_bright(a),
+    "lost": lambda a, b, c: auto_parting.colour_lost(a, b),
+    "parting": lambda a, b, c: auto_parting.bounded_parting(a, b, c * np.float32(0.2), 2.3),
+    "together": lambda a, b, c: auto_parting.decided_together(b, a, c * np.float32(0.2)),
+    "held": lambda a, b, c: auto_parting.held_together(a, b * np.float32(0.2), greatest_of(c)),
+    "codes": lambda a, b, c: auto_levels.srgb_codes(a),
+    "features": lambda a, b, c: auto_levels.features(np.tile(a, (2, 2, 1)), 2 * a.shape[0]),
+}
+
+
+@compiled
+@pytest.mark.parametrize("shape", SHAPES, ids=str)
+@pytest.mark.parametrize("name", FORMS)
+def test_forms_agree(name: str, shape: tuple[int, int], monkeypatch: pytest.MonkeyPatch) -> None:
+    given = _pictures(shape)
+    ours = FORMS[name](*given)
+    monkeypatch.setattr(library, "library", lambda: None)
+    theirs = FORMS[name](*given)
+    assert ours.shape == theirs.shape
+    assert ours.dtype == theirs.dtype == np.float32
+    np.testing.assert_allclose(ours, theirs, rtol=0, atol=2e-5)
+
+
+@compiled
+def test_pictures_of_other_sizes_raise() -> None:
+    assert loaded is not None
+    one, other = np.zeros((4, 5, 3), np.float32), np.zeros((5, 4, 3), np.float32)
+    with pytest.raises(ValueError, match="shape"):
+        compiled_near_white.held_together(loaded, one, one, other[..., 0])
+    with pytest.raises(ValueError, match="shape"):
+        compiled_near_white.bounded_parting(loaded, one, one, other, 1.0, (0.5, 1.0), 1e-3)
+    with pytest.raises(ValueError, match="shape"):
+        compiled_near_white.greatest(loaded, one[..., :2])
+
+
+@pytest.mark.parametrize("shares", [(0.0, 1.0), (0.1, 0.5, 0.999)], ids=str)
+def test_quantiles_are_numpys(shares: tuple[float, ...]) -> None:
+    rng = np.random.default_rng(4)
+    for values in (
+        rng.random((40, 50), np.float32),
+        np.rint(rng.random((9, 31), np.float32) * 20) / np.float32(20),
+        np.full((3, 3), -0.0, np.float32),
+        np.array([[0.25]], np.float32),
+    ):
+        found = auto_rendering._quantiles(values, shares)
+        np.testing.assert_allclose(found, np.quantile(values, shares), rtol=1e-7)
