@@ -2,7 +2,8 @@
 """Fit the network of `--operator auto` to scenes of known radiance: fit.py DATA OUT [--minutes 60].
 
 DATA holds panoramas/, panoramas_more/ and hdr_images/ (.hdr, .exr). Every fifth panorama by name
-is left out of the fit and only judged by. Writes OUT/auto.pt at every check, OUT/auto.onnx at last.
+is left out of the fit and used for checks only. Writes OUT/auto.pt at every check, OUT/auto.onnx at
+the end.
 Needs the extra `fit` (PyTorch, ONNX); the product itself runs the result with cv2.dnn.
 """
 
@@ -42,7 +43,7 @@ SIZE = (480, 288)
 
 
 def feed(paths: list[Path], seed: int, queue: mp.Queue, batch: int) -> None:
-    """Puts batches (codes uint8, linear RGB float16), each (b, h, w, 3) for ever."""
+    """Puts batches (codes uint8, linear RGB float16), each (b, h, w, 3), endlessly."""
     cv2.setNumThreads(1)
     rng = np.random.default_rng(seed)
     scenes = [read_hdr(p) for p in paths]
@@ -70,7 +71,7 @@ def scaled_errors(error: Tensor) -> Tensor:
 def picture_errors(z: Tensor, codes: Tensor, truth: Tensor, opening: Tensor, peak: float) -> Tensor:
     """Errors of PQ luminance and of colour (BT.2124) at a peak: (b,).
 
-    Only of pixels that can be expanded: the others are none of the network's business.
+    Only of pixels that can be expanded: the network does not affect the others.
     """
     b, h, w, _ = codes.shape
     linear = linear_of(codes)
@@ -91,7 +92,7 @@ def picture_errors(z: Tensor, codes: Tensor, truth: Tensor, opening: Tensor, pea
 
 
 def level_errors(z: Tensor, codes: Tensor, truth: Tensor) -> Tensor:
-    """Cross-entropy of the levels where a channel clips: (b,); no gradient vanishes at 0 and 1."""
+    """Cross-entropy of the levels where a channel clips: (b,); its gradient never vanishes."""
     edges = torch.tensor(EDGES_STOPS)
     weight = gate(codes.permute(0, 3, 1, 2).float() / 255)
     height = torch.log2(truth.clamp(min=1e-4))
@@ -110,7 +111,7 @@ def level_errors(z: Tensor, codes: Tensor, truth: Tensor) -> Tensor:
 
 
 def gains_db(net: Network, batches: list[tuple[Tensor, Tensor]]) -> Tensor:
-    """PSNR (dB) over SDR as it is at the 1000-nit peak, of PQ luminance and of ITP: (n, 2)."""
+    """Gain in PSNR (dB) over SDR at a 1000-nit peak, of PQ luminance and of ITP: (n, 2)."""
     gains = []
     with torch.no_grad():
         for codes, truth in batches:
@@ -131,7 +132,7 @@ def gains_db(net: Network, batches: list[tuple[Tensor, Tensor]]) -> Tensor:
 
 
 class Muon(torch.optim.Optimizer):
-    """Momentum whose matrices are made orthogonal: half of AdamW's steps for the same loss here.
+    """Momentum with orthogonalised matrices: the same loss in half of AdamW's steps here.
 
     After Jordan et al. 2024 (Muon), with the step's size of Liu et al. 2025: 0.2 sqrt(larger side).
     """
@@ -177,7 +178,7 @@ def main() -> None:
     p.add_argument("--rate", type=float, default=2e-3)
     p.add_argument("--threads", type=int, default=2)
     p.add_argument("--seed", type=int, default=0)
-    p.add_argument("--start", type=Path, help="state to go on from")
+    p.add_argument("--start", type=Path, help="weights to start from")
     a = p.parse_args()
     a.out.mkdir(parents=True, exist_ok=True)
     torch.set_num_threads(a.threads)
@@ -219,14 +220,14 @@ def main() -> None:
         z = z.float()
         peak = PEAKS[0] if rng.random() < 0.74 else PEAKS[1]
         loss = picture_errors(z, codes, truth, net.opening, peak).mean()
-        if step % 2:  # half as often costs less and does as well
+        if step % 2:  # every second step costs less and works as well
             loss = loss + 8 * level_errors(z, codes, truth).mean()
         net.zero_grad()
         loss.backward()
         torch.nn.utils.clip_grad_norm_(net.parameters(), 2.0)
         for optimiser in optimisers:
             optimiser.step()
-        with torch.no_grad():  # footage with a shoulder and grain wants it no sharper
+        with torch.no_grad():  # sharper ones fail on footage with a shoulder and grain
             net.opening.clamp_(
                 net.opening.new_tensor([0.7, 2.5]), net.opening.new_tensor([0.9, 3.6])
             )

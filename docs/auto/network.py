@@ -1,8 +1,8 @@
 """The network of `--operator auto`, in PyTorch: fitted here, run by cv2.dnn in the product.
 
-From a frame's sRGB codes it tells for every place and each of R, G and B how likely the clipped
-radiance lies above each of a row of levels; summed up to a peak that is the expected log2 of the
-radiance, held at that peak. So one network serves every L'max. It works at half of the analysis
+From a frame's sRGB codes it predicts, for each place and each of R, G and B, how likely the clipped
+radiance is to exceed each of ten levels; summed up to a peak, that is the expected log2 of the
+radiance, limited to that peak. So one network serves every L'max. It works at half of the analysis
 picture's size: 2 x 2 pixels are its channels.
 """
 
@@ -126,7 +126,7 @@ def opened(linear: Tensor, opening: Tensor) -> Tensor:
 
 
 def stops(z: Tensor, peak_stops: float) -> Tensor:
-    """Expected log2 radiance above white of R, G and B, held at a peak: (b, 3, h/2, w/2)."""
+    """Expected log2 radiance above white of R, G and B, limited to a peak: (b, 3, h/2, w/2)."""
     edges = torch.tensor(EDGES_STOPS)
     widths = (edges[1:].clamp(max=peak_stops) - edges[:-1]).clamp(min=0)
     b, _, h, w = z.shape
@@ -158,5 +158,5 @@ def itp(nits: Tensor) -> Tensor:
 
 
 def load_state(net: Network, path: Path) -> None:
-    """Take over the weights that fit.py wrote."""
+    """Load the weights that fit.py wrote."""
     net.load_state_dict(torch.load(path))

@@ -1,9 +1,9 @@
-"""Pictures of the places where `auto` once painted: python docs/auto/places.py DATA.
+"""Pictures of the places where `auto` shifts hue most: python docs/auto/places.py DATA.
 
 DATA is ../shared/data. Writes docs/images/places.jpg: the source, and the default's result 1 and 2
-stops darker, where by a measure it is worst: where its hue moves most, for the ferris wheel where
-it is brightest. Only clips whose licence allows it (SOURCES.md): our own samples, Big Buck Bunny
-(CC-BY 3.0, Blender Foundation), ColorVideoVDP's ferris wheel (MIT).
+stops darker, at the worst place of each clip by a measure: where its hue moves most, for the ferris
+wheel where it is brightest. Only clips whose licence allows it (SOURCES.md): our own samples, Big
+Buck Bunny (CC-BY 3.0, Blender Foundation), ColorVideoVDP's ferris wheel (MIT).
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ def uv(rgb: Any) -> Any:
 
 
 def before_and_after(path: Path, frame: int) -> tuple[Any, Any]:
-    """A frame in linear light, and as the default makes it: float (H, W, 3)."""
+    """A frame in linear light, and as the default renders it: float (H, W, 3)."""
     with open_clip(path) as clip:
         source = next(iter(clip.frames(frame - 1)))
         before = np.dstack(linear_light.to_rgb_linear(source, clip=True))

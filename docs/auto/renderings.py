@@ -1,7 +1,7 @@
 """What colourists, phones and broadcast make of a scene of known radiance: samples for the curve.
 
 A sample is an SDR picture and its HDR rendition, which agree in the middle tones. A camera that
-clips leaves everything below white as it was; a tone-mapped picture has its highlights folded
+clips leaves everything below white as it was; a tone-mapped picture has its highlights compressed
 into the upper half of the codes, by one curve for the whole picture or locally, as phones do.
 """
 
@@ -53,7 +53,7 @@ def curve_of(kind: str, scene: Float, white: float) -> Float:
             return np.asarray((x * (a * x + c * b) + d * e) / (x * (a * x + b) + d * f) - e / f)
 
         return filmic(2 * scene) / filmic(np.float32(2 * white))
-    if kind == "log":  # BT.2446's way down
+    if kind == "log":  # BT.2446 method A's forward curve
         p = 1 + 32 * np.float32(0.1) ** (1 / 2.4)
         code = (np.minimum(scene / white, 1)) ** np.float32(1 / 2.4)
         return (np.log(1 + (p - 1) * code) / np.log(p)) ** np.float32(2.2)
@@ -78,7 +78,7 @@ def tone_mapped(scene: Float, rng: np.random.Generator) -> tuple[Float, Float]:
 
 
 def locally_mapped(scene: Float, rng: np.random.Generator) -> tuple[Float, Float]:
-    """(recorded, truth) as a phone makes them: shadows lifted in both, lights folded in SDR."""
+    """(recorded, truth) as by a phone: shadows lifted in both, highlights compressed in SDR."""
     y = np.log2(luminance(scene)[..., 0] + np.float32(1e-5))
     radius, epsilon = int(np.exp(rng.uniform(np.log(4), np.log(40)))), float(rng.uniform(0.1, 2))
     base = blurred(y, radius, epsilon)

@@ -116,7 +116,7 @@ class Runner:
 def for_page(lines: Sequence[str], kind: str) -> list[str]:
     """What a command said, with remedies that can be had on the page in place of flags."""
     may_render_again = "--update" if kind == "convert" else "--overwrite"
-    again = "Tick “Render again what is there”, or choose another name."
+    again = "Tick “Re-render what exists”, or choose another name."
     return [
         again if may_render_again in line
         else "Choose another name." if "--overwrite" in line

@@ -368,7 +368,7 @@ def test_a_look_is_rendered_again_where_another_was(desk: Desk, clip: Path, tmp_
     assert desk.runner._follower is not None
     desk.runner._follower.join(60)
     assert desk.runner.progress.state == "failed"
-    assert "Tick “Render again" in desk.runner.progress.message
+    assert "Tick “Re-render what exists" in desk.runner.progress.message
     assert "--" not in desk.runner.progress.message, "flags cannot be given on the page"
     desk.render("convert", "out", again=True)
     desk.runner._follower.join(60)

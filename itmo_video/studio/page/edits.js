@@ -3,7 +3,7 @@
 import { post } from "./api.js";
 import { busy, emit, failed, refresh, S, shotAt, take, told } from "./store.js";
 
-// [{body, done: [resolve]}]; the first is under way.
+// [{body, done: [resolve]}]; the first is being sent.
 const waiting = [];
 let isSending = false;
 

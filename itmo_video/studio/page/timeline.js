@@ -118,7 +118,7 @@ export function openTimeline() {
     const asked = field.value;
     if (/^\d+$/.test(asked)) return go(Number(asked) - S.about.first_number);
     tell();
-    told(asked ? `There is no frame ${asked}: frames have whole numbers.` : "Type a frame's number.", true);
+    told(asked ? `There is no frame ${asked}: frame numbers are whole numbers.` : "Type a frame's number.", true);
   });
   byId("frame-number").addEventListener("keydown", (e) => { if (e.key === "Enter") e.target.blur(); });
   byId("split-shot").addEventListener("click", splitHere);
