@@ -87,7 +87,8 @@ def check_film(path: Path, spec: FilmSpec) -> None:
     if path.suffix.lower() not in MUXERS:
         raise UsageError(
             f"{path.name}: not the name of a film",
-            remedy=f"End it in {', '.join(MUXERS)}, or in .y4m (uncompressed).",
+            remedy=f"Films end in {', '.join(MUXERS)} or .y4m (uncompressed), "
+            "stills in .avif, .png, .tif or .jpg.",
         )
     if spec.codec == "av1" and path.suffix.lower() == ".mov":
         raise UsageError("AV1 is not possible in .mov", remedy="Name the output .mp4 or .mkv.")

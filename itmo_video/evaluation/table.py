@@ -66,9 +66,15 @@ def agreement_table(rows: Mapping[str, Agreement]) -> str:
 
 
 def flicker_table(shots: Sequence[ShotFlicker], clip: Mapping[str, float]) -> str:
-    """One line per shot, numbered as in the file names, and one for the clip."""
+    """One line per shot, numbered as in the file names, one for the clip, and the units."""
     rows = [[f"shot {s.first}-{s.last}", *(_cell(v, 5) for v in s.figures.values())] for s in shots]
-    return _table(["", *clip], [*rows, ["clip", *(_cell(value, 5) for value in clip.values())]])
+    table = _table(["", *clip], [*rows, ["clip", *(_cell(value, 5) for value in clip.values())]])
+    told = (
+        "lower is better; gain_flicker, background_drift and key_to_key are in stops;\n"
+        "noise_gain 1 is grain as before"
+    )
+    needs = "; map_flicker needs frames with --layers expand_map"
+    return f"{table}\n\n{told}{needs * math.isnan(clip['map_flicker'])}"
 
 
 def lighting_facts(lighting: Lighting) -> dict[str, float]:

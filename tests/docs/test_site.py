@@ -176,6 +176,20 @@ def test_links_in_the_repository_lead_somewhere() -> None:
                 assert (path.parent / urlsplit(link).path).exists(), f"{name}: {link}"
 
 
+def test_files_named_in_the_docs_exist() -> None:
+    rooms = "|".join(p.name for p in (REPOSITORY / "itmo_video").iterdir() if p.is_dir())
+    named = re.compile(
+        rf"(?<![\w/.])(?:tests|docs|itmo_video|configs|sample_clips|{rooms})/[\w./-]+"
+        r"\.(?:py|c|h|md|toml|yaml|sh|ipynb)\b"
+    )
+    pages = [REPOSITORY / "README.md", REPOSITORY / "CONTRIBUTING.md"]
+    pages += (REPOSITORY / "docs").rglob("*.md")
+    found = {(page.name, path) for page in pages for path in named.findall(page.read_text("utf-8"))}
+    assert len(found) > 30
+    roots = (REPOSITORY, REPOSITORY / "itmo_video", REPOSITORY / "docs")
+    assert not [at for at in found if not any((root / at[1]).exists() for root in roots)]
+
+
 def test_pictures_are_small_enough_to_load() -> None:
     pictures = [
         path
