@@ -16,6 +16,7 @@ import numpy as np
 
 from itmo_video.colour.chroma import double_columns, double_rows, siting_offset
 from itmo_video.colour.primaries import LUMINANCE_KR_KB
+from itmo_video.colour.strips import strip_buffers, strips
 from itmo_video.colour.transfer import (
     SRGB_CODE,
     SRGB_OFFSET,
@@ -66,6 +67,35 @@ def strip_to_rgb_linear(frame: Frame, rows: slice, clip: bool, out: Planes) -> N
             cv2.LUT(plane[rows], table, dst=target)
         return
     _ycbcr_to_linear(frame, rows, clip, out)
+
+
+def _compiled_halved(loaded: ctypes.CDLL, frame: Frame, out: Planes) -> None:
+    codes = codes_to_light(frame, True) if frame.encoding.family == "ycbcr" else None
+    if codes is None or codes.exponent is None:
+        _halved(frame, out)
+        return
+    compiled_light.halved_light(loaded, frame.planes[:3], codes, out)
+
+
+def _halved(frame: Frame, out: Planes) -> None:
+    width, height = frame.size
+    for rows in strips(height):  # even ones
+        rgb = strip_buffers(rows, width)
+        strip_to_rgb_linear(frame, rows, True, rgb)
+        size = (width // 2, (rows.stop - rows.start) // 2)
+        for plane, strip in zip(out, rgb, strict=True):
+            # While it is in the cache: cv2 gives the same bytes for strips.
+            inner = plane[rows.start // 2 : rows.stop // 2]
+            cv2.resize(strip, size, dst=inner, interpolation=cv2.INTER_AREA)
+
+
+@with_compiled_form(_compiled_halved)
+def halved_rgb_linear(frame: Frame, out: Planes) -> None:
+    """Write `to_rgb_linear`, clipped and averaged over 2 x 2 pixels: three float32 (H / 2, W / 2).
+
+    The frame's sides are even.
+    """
+    _halved(frame, out)
 
 
 def _compiled_to_linear(

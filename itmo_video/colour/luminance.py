@@ -67,20 +67,16 @@ def greatest_of(rgb: Float32) -> Float32:
 def frame_rgb_small(frame: Frame, size: tuple[int, int]) -> Float32:
     """Linear RGB of a frame, area-averaged to (width, height): float32 (H, W, 3) in [0, 1]."""
     width, height = frame.size
-    halves = width % 2 == 0 and height % 2 == 0 and width >= 2 * size[0] and height >= 2 * size[1]
-    step = 2 if halves else 1  # while it is in the cache: cv2 gives the same bytes for strips
-    planes = [np.empty((height // step, width // step), np.float32) for _ in range(3)]
-    for rows in strips(height):
-        rgb = strip_buffers(rows, width)
-        linear_light.strip_to_rgb_linear(frame, rows, True, rgb)
-        inner = slice(rows.start // step, rows.stop // step)
-        for plane, strip in zip(planes, rgb, strict=True):
-            if halves:
-                half = (width // 2, inner.stop - inner.start)
-                cv2.resize(strip, half, dst=plane[inner], interpolation=cv2.INTER_AREA)
-            else:
-                plane[inner] = strip
-    if size != planes[0].shape[::-1]:
-        planes = [averaged(plane, size) for plane in planes]
-    small = np.stack(planes, axis=-1)
-    return np.clip(small, 0, 1, out=small)
+    if width % 2 == 0 and height % 2 == 0 and width >= 2 * size[0] and height >= 2 * size[1]:
+        shape = (height // 2, width // 2)
+        planes = (
+            np.empty(shape, np.float32),
+            np.empty(shape, np.float32),
+            np.empty(shape, np.float32),
+        )
+        linear_light.halved_rgb_linear(frame, planes)
+    else:
+        planes = linear_light.to_rgb_linear(frame, clip=True)
+    small = planes if size == planes[0].shape[::-1] else [averaged(p, size) for p in planes]
+    rgb = np.asarray(cv2.merge(small), np.float32).reshape(size[1], size[0], 3)
+    return np.clip(rgb, 0, 1, out=rgb)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import ctypes
 import functools
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -54,18 +54,47 @@ def ycbcr_rows(
     wide and half as high. The result does not depend on strips.
     """
     luma, cb, cr = alike_planes(planes, rows)
-    height, width = cb.shape
     alike(luma[rows], *out)
+    power = None if codes.exponent is None else power_curve(codes.exponent)
+    _rows(loaded.itmo_ycbcr_rows, (luma, cb, cr), rows, codes, power, out)
+
+
+def halved_light(
+    loaded: ctypes.CDLL, planes: Sequence[Codes], codes: CodesToLight, out: Sequence[Float32]
+) -> None:
+    """Linear light as `ycbcr_rows`, averaged over 2 x 2 pixels: three float32 (H / 2, W / 2).
+
+    `codes` has an exponent; the picture's sides are even.
+    """
+    height, width = planes[0].shape
+    luma, cb, cr = alike_planes(planes, slice(0, height))
+    alike(*out)
+    if height % 2 or width % 2 or out[0].shape != (height // 2, width // 2):
+        raise ValueError(f"{width}x{height} codes halved to {out[0].shape}")
+    if codes.exponent is None:
+        raise ValueError("light is not a power of these codes")
+    rows, power = slice(0, height // 2), power_curve(codes.exponent)
+    _rows(loaded.itmo_halved_light, (luma, cb, cr), rows, codes, power, out)
+
+
+def _rows(
+    kernel: Callable[..., None],
+    planes: tuple[Codes, Codes, Codes],
+    rows: slice,
+    codes: CodesToLight,
+    power: Float32 | None,
+    out: Sequence[Float32],
+) -> None:
+    luma, cb, cr = planes
+    height, width = cb.shape
     strides = np.array([cb.strides[0], cr.strides[0]], np.int64)
     across, down = codes.sites_in_halves
-    scratch = np.empty(5 * width + 2 + luma.shape[1], np.float32)
-    level = np.array(codes.black_and_scale, np.float32)
-    factor = np.array(codes.matrix, np.float32)
-    loaded.itmo_ycbcr_rows(
+    kernel(
         luma, cb, cr,
         luma.strides[0], strides, luma.itemsize,
         luma.shape[1], width, height, rows.start, rows.stop - rows.start, across, down,
-        level, factor, None if codes.exponent is None else power_curve(codes.exponent), scratch,
+        np.array(codes.black_and_scale, np.float32), np.array(codes.matrix, np.float32), power,
+        np.empty(5 * width + 2 + 7 * luma.shape[1], np.float32),
         *out,
     )  # fmt: skip
 

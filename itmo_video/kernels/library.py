@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-_VERSION = 19  # of the kernels
+_VERSION = 20  # of the kernels
 
 
 class _Array:
@@ -53,6 +53,7 @@ _TYPES: dict[str, Any] = {
 _ARGUMENTS = {
     "pack_literals": "BnnBL",
     "ycbcr_rows": "pppnLn" + "nnnnnnn" + "FFFF" + "FFF",
+    "halved_light": "pppnLn" + "nnnnnnn" + "FFFF" + "FFF",
     "drive": "FFFFFnF",
     "camera_model": "DDDDn" + "DndDD",
     "guided_coefficients": "FFnnnfFD" + "FFFF",

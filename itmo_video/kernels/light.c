@@ -23,6 +23,35 @@ CLONED void itmo_ycbcr_rows(const uint8_t *luma, const uint8_t *cb, const uint8_
     }
 }
 
+/* See compiled_light.halved_light. */
+CLONED void itmo_halved_light(const uint8_t *luma, const uint8_t *cb, const uint8_t *cr,
+                              int64_t luma_stride, const int64_t *chroma_strides, int64_t bytes,
+                              int64_t width, int64_t chroma_width, int64_t chroma_height,
+                              int64_t first, int64_t rows, int64_t site_x, int64_t site_y,
+                              const float *levels, const float *matrix, const float *power,
+                              float *scratch, float *red, float *green, float *blue)
+{
+    float *line = scratch, *wide[2] = {line + chroma_width + 2, line + 3 * chroma_width + 2};
+    float *y = wide[1] + 2 * chroma_width, *rgb = y + width, *out[3] = {red, green, blue};
+    Picture picture = {luma, {cb, cr}, luma_stride, {chroma_strides[0], chroma_strides[1]}, bytes,
+                       width, chroma_width, chroma_height, site_x, site_y, levels};
+    int64_t half = width / 2;
+    for (int64_t row = first; row < first + rows; row++) {
+        for (int64_t k = 0; k < 2; k++) {
+            float *lines = rgb + 3 * width * k;
+            code_lines(&picture, 2 * row + k, line, y, wide);
+            to_rgb(y, wide[0], wide[1], matrix, width, lines, lines + width, lines + 2 * width);
+        }
+        itmo_power(rgb, 6 * width, power);
+        for (int c = 0; c < 3; c++) {
+            const float *above = rgb + c * width, *below = above + 3 * width;
+            float *restrict to = out[c] + (row - first) * half;
+            for (int64_t x = 0; x < half; x++)
+                to[x] = ((above[2 * x] + above[2 * x + 1]) + (below[2 * x] + below[2 * x + 1])) * 0.25f;
+        }
+    }
+}
+
 /* See compiled.drive. */
 CLONED void itmo_drive(const float *red, const float *green, const float *blue, const float *weights,
                        const float *ratio, int64_t count, float *restrict out)

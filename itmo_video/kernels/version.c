@@ -2,5 +2,5 @@
 
 int itmo_version(void)
 {
-    return 19;
+    return 20;
 }
