@@ -13,6 +13,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from itmo_video import reused_memory
 from itmo_video.colour.primaries import LUMINANCE_KR_KB
 from itmo_video.kernels import compiled_codes
 from itmo_video.kernels.compiled_codes import NOISE_TILE, ToCodes
@@ -68,7 +69,7 @@ def empty_codes(shape: tuple[int, ...], chroma: Chroma) -> YCbCr:
     chroma_rows = rows // 2 if chroma == "420" else rows
     chroma_columns = columns if chroma == "444" else columns // 2
     # One piece of memory: the system gives large ones in large pages.
-    whole = np.empty(rows * columns + 2 * chroma_rows * chroma_columns, np.uint16)
+    whole = reused_memory.empty((rows * columns + 2 * chroma_rows * chroma_columns,), np.uint16)
     luma, cb, cr = np.split(whole, (rows * columns, rows * columns + chroma_rows * chroma_columns))
     in_planes = (chroma_rows, chroma_columns)
     return luma.reshape(shape), cb.reshape(in_planes), cr.reshape(in_planes)

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
+from itmo_video import reused_memory
 from itmo_video.colour import linear_light, primaries
 from itmo_video.colour.analysis_picture import analysis_guide
 from itmo_video.colour.luminance import frame_luminance, limited_luminance, luminance_of
@@ -68,7 +69,7 @@ def render(
     # A gain of L'max on a pixel of a single primary may exceed the range of a half.
     limit = settings.alpha is not None or not clip or 20 * context.l_max > HALF_MAX
     alpha = _alpha(frame)
-    out = np.empty((3, height, width), np.float16)  # in one piece: NumPy then uses huge pages
+    out = reused_memory.empty((3, height, width), np.float16)  # in one piece, of large pages
     layers = {f"{name}.Y": np.empty((height, width), np.float16) for name in settings.layers}
     part, more = min(settings.strength, 1.0), max(settings.strength - 1, 0.0)
     is_plain = not (limit or layers or more) and alpha is None and matrix is None

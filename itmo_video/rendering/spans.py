@@ -17,6 +17,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from typing import Protocol
 
+from itmo_video import reused_memory
 from itmo_video.colour.analysis_picture import analysis_size
 from itmo_video.errors import DamagedInputError, ReplacedInputError
 from itmo_video.expand_map.key_map import make_key_map
@@ -267,4 +268,5 @@ def render_frames(
         raise
     finally:
         pool.shutdown(wait=True, cancel_futures=True)
+        reused_memory.release()
     return ended
