@@ -11,9 +11,11 @@ from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
+from itmo_video.analysis.edl_timecodes import finished, without_drop_frame
 from itmo_video.analysis.model import Analysis
 from itmo_video.errors import InputError, UsageError
 from itmo_video.model import ClipInfo
+from itmo_video.source import timecode
 from itmo_video.untrusted import read_json, read_text
 from itmo_video.words import to_install
 
@@ -40,7 +42,10 @@ def read_edit(path: str | Path, info: ClipInfo) -> list[Range]:
     is_edl = Path(path).suffix.lower() == ".edl"
     if not is_edl:
         read_json(path)  # limits the depth, which the library does not
-    options = {"rate": _nominal(info.frame_rate)} if is_edl else {}
+    base = _nominal(info.frame_rate)
+    if is_edl:
+        text = without_drop_frame(text, base)
+    options = {"rate": float(base)} if is_edl else {}
     try:
         read = otio.adapters.read_from_string(
             text, adapter_name="cmx_3600" if is_edl else "otio_json", **options
@@ -64,19 +69,22 @@ def read_edit(path: str | Path, info: ClipInfo) -> list[Range]:
 def edit_of(analysis: Analysis, info: ClipInfo, suffix: str) -> str:
     """An analysis as an edit list: one clip per shot, keyframes as markers, from 01:00:00:00 on.
 
-    Source times start at the clip's timecode, or at 0. Raises UsageError for a timecode that the
-    clip's frame rate does not have.
+    Source times start at the clip's timecode, or at 0; an EDL of a drop-frame clip is drop-frame.
+    Raises UsageError for a timecode that the clip's frame rate does not have.
     """
     otio = _otio()
-    rate = _nominal(info.frame_rate) if suffix == ".edl" else float(info.frame_rate)
+    base, code = _nominal(info.frame_rate), info.timecode or "00:00:00:00"
+    rate = float(base if suffix == ".edl" else info.frame_rate)
+    is_drop = timecode.is_drop_frame(code) and base % 30 == 0
 
     def span(first: int, frames: int) -> Any:
         time = otio.opentime.RationalTime
         return otio.opentime.TimeRange(time(first, rate), time(frames, rate))
 
-    begin = _timecode(otio, info.timecode, rate)
+    begin = _frames_before(code, base, is_drop)
     timeline = otio.schema.Timeline(Path(info.path).stem)
-    timeline.global_start_time = otio.opentime.RationalTime(3600 * round(info.frame_rate), rate)
+    hour = timecode.count_of("01:00:00:00", base, is_drop)
+    timeline.global_start_time = otio.opentime.RationalTime(hour, rate)
     track = otio.schema.Track("shots", kind=otio.schema.TrackKind.Video)
     timeline.tracks.append(track)
     at = 0
@@ -101,7 +109,8 @@ def edit_of(analysis: Analysis, info: ClipInfo, suffix: str) -> str:
         track.append(clip)
         at = last + 1
     if suffix == ".edl":
-        return str(otio.adapters.write_to_string(timeline, "cmx_3600", rate=rate))
+        text = str(otio.adapters.write_to_string(timeline, "cmx_3600", rate=rate))
+        return finished(text, base, is_drop)
     return str(otio.adapters.write_to_string(timeline, "otio_json")) + "\n"
 
 
@@ -113,18 +122,16 @@ def _otio() -> Any:
     return opentimelineio
 
 
-def _nominal(rate: Fraction) -> float:
-    """The rate that timecode counts at: 24 for 23.976, unless the library knows the rate."""
-    return float(round(rate))
+def _nominal(rate: Fraction) -> int:
+    """The frame numbers of a second of timecode: 24 for 23.976."""
+    return max(1, round(rate))
 
 
-def _timecode(otio: Any, code: str | None, rate: float) -> int:
-    if code is None:
-        return 0
-    try:
-        return int(otio.opentime.from_timecode(code.replace(".", ":"), round(rate)).value)
-    except ValueError as error:
-        raise UsageError(f"timecode {code} is not possible in an edit list: {error}") from error
+def _frames_before(code: str, base: int, is_drop: bool) -> int:
+    count = timecode.count_of(code, base, is_drop)
+    if count is None or int(code[-2:]) >= base:
+        raise UsageError(f"timecode {code} is not possible in an edit list at {base} fps")
+    return count
 
 
 def _frames(span: Any, rate: Fraction, path: str | Path) -> Range:

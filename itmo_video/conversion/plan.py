@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from itmo_video.analysis.model import Analysis
-from itmo_video.conversion import timecode
+from itmo_video.source import timecode
 from itmo_video.conversion.frame_ranges import format_ranges, parse_ranges
 from itmo_video.conversion.run_options import RunOptions
 from itmo_video.errors import UsageError

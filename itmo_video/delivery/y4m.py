@@ -91,11 +91,6 @@ class Y4mWriter:
                 import fcntl
 
                 fcntl.fcntl(self._file.fileno(), fcntl.F_SETPIPE_SZ, _PIPE_BYTES)
-        try:
-            self._put(memoryview(spec.header()))
-        except BaseException:
-            self.close()
-            raise
 
     def write(
         self,
@@ -106,8 +101,10 @@ class Y4mWriter:
     ) -> None:
         """Write one frame; raises ReaderLeftError if the reader has closed the pipe.
 
-        Y4M cannot hold times and messages.
+        The header precedes the first frame. Y4M cannot hold times and messages.
         """
+        if not self.bytes_written:
+            self._put(memoryview(self._spec.header()))
         for piece in self._spec.frame(planes):
             self._put(piece)
 

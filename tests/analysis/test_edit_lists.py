@@ -178,3 +178,64 @@ def test_an_edit_list_is_replaced_where_that_is_asked_for(
 ) -> None:
     flags = ["analyse", str(clip), "--output", str(tmp_path / name), "--quiet"]
     assert [main(flags), main(flags), main([*flags, "--overwrite"])] == [0, 5, 0]
+
+
+NTSC = Fraction(30000, 1001)
+
+
+@pytest.mark.parametrize("mark", ["FCM: DROP FRAME\n", ""])
+def test_drop_frame_lists_count_frames(info: ClipInfo, tmp_path: Path, mark: str) -> None:
+    """By SMPTE 12M: 00:01:00;02 follows 00:00:59;29, and 01:00:00;00 is frame 107892."""
+    sep = ":" if mark else ";"
+    text = f"TITLE: D\n{mark}\n" + "".join(
+        f"{n:03d}  R{{1}}  V  C  {a} {b} {c} {d}\n".replace("|", sep)
+        for n, (a, b, c, d) in enumerate(
+            [
+                ("00:00:59|20", "00:01:00|12", "01:00:59|20", "01:01:00|12"),  # 20 frames
+                ("00:00:00|00", "00:00:00|08", "01:01:00|12", "01:01:00|20"),
+            ],
+            1,
+        )
+    )
+    path = tmp_path / "drop.edl"
+    path.write_text(text)
+    long = replace(info, frame_rate=NTSC, frames=28)
+    assert read_edit(path, long) == [(0, 19), (20, 27)]
+    doubled = replace(info, frame_rate=2 * NTSC, frames=40)
+    with pytest.raises(UsageError, match="frames"):  # other numbers are dropped at 59.94
+        read_edit(path, doubled)
+
+
+@pytest.mark.parametrize("suffix", [".edl", ".otio"])
+def test_a_drop_frame_clip_has_its_list(
+    found: Analysis, info: ClipInfo, tmp_path: Path, suffix: str
+) -> None:
+    clip = replace(info, frame_rate=NTSC, timecode="00:08:59;27")
+    text = edit_of(found, clip, suffix)
+    if suffix == ".edl":
+        assert "FCM: DROP FRAME" in text
+        assert EVENT.findall(text) == [
+            ("00:08:59;27", "00:09:00;03", "01:00:00;00", "01:00:00;04"),
+            ("00:09:00;03", "00:09:00;07", "01:00:00;04", "01:00:00;08"),
+        ]
+    else:
+        clips = json.loads(text)["tracks"]["children"][0]["children"]
+        first = 9 * 1800 - 3 - 16  # eight minutes have dropped two numbers each
+        assert [c["source_range"]["start_time"]["value"] for c in clips] == [first, first + 4]
+    path = tmp_path / f"a{suffix}"
+    path.write_text(text)
+    assert read_edit(path, clip) == [(0, 3), (4, 7)]
+
+
+def test_record_times_start_at_one_hour(found: Analysis, info: ClipInfo) -> None:
+    text = edit_of(found, replace(info, path="{0}.mov"), ".edl")
+    assert [event[2:] for event in EVENT.findall(text)] == [
+        ("01:00:00:00", "01:00:00:04"),
+        ("01:00:00:04", "01:00:00:08"),
+    ]
+
+
+@pytest.mark.parametrize("code", ["01:00:00:24", "noon"])
+def test_a_timecode_that_the_rate_does_not_have(found: Analysis, info: ClipInfo, code: str) -> None:
+    with pytest.raises(UsageError, match="timecode"):
+        edit_of(found, replace(info, timecode=code), ".edl")

@@ -236,6 +236,21 @@ def test_fifos_and_raw_frames(films: dict[str, Path], tmp_path: Path) -> None:
     assert got == [again.stdout]
 
 
+def test_a_reader_that_left_before_the_first_byte_is_a_clean_end(films: dict[str, Path]) -> None:
+    """As in `... | true`, whose end of the pipe is closed before there is a header."""
+    reading, writing = os.pipe()
+    os.close(reading)
+    try:
+        done = subprocess.run(
+            [*command.COMMAND, "preview", str(films["h264.mkv"]), "-"], stdout=writing,
+            stderr=subprocess.PIPE, timeout=90, env=command.ENVIRONMENT, check=False,
+        )  # fmt: skip
+    finally:
+        os.close(writing)
+    assert done.returncode == 0, done.stderr
+    assert b"the reader closed the pipe after 0 frames" in done.stderr
+
+
 def test_a_reader_that_leaves_is_a_clean_end(films: dict[str, Path]) -> None:
     with (
         films["h264.mkv"].open("rb") as source,

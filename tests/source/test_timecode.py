@@ -6,7 +6,7 @@ from fractions import Fraction
 
 import pytest
 
-from itmo_video.conversion.timecode import advance
+from itmo_video.source.timecode import advance
 
 NTSC = Fraction(30000, 1001)
 
