@@ -97,6 +97,11 @@ class ClipInfo:
     frames_declared: int | None = None
 
     @property
+    def frames_cut_off(self) -> int:
+        """How many frames fewer there are than the container states."""
+        return max(0, (self.frames_declared or 0) - self.frames)
+
+    @property
     def display_size(self) -> tuple[int, int]:
         """(width, height) in pixels after the rotation."""
         turned = self.rotation_deg % 180 != 0

@@ -137,8 +137,8 @@ def convert(
     if unexpanded := nothing_expanded(plan, summary):
         on_event(Warned(unexpanded))
     on_event(Finished(**dataclasses.asdict(summary)))
-    cut_short = (plan.clip.frames_declared or 0) - plan.clip.frames if run.frames is None else 0
-    if ended or summary.missing or summary.damaged or cut_short > 0:
+    cut_short = plan.clip.frames_cut_off if run.frames is None else 0
+    if ended or summary.missing or summary.damaged or cut_short:
         raise _damage(plan, summary, ended, cut_short, clip.faults)
     if others:
         raise _other_settings(others, folder)
@@ -240,7 +240,7 @@ def _damage(
         )
     if summary.damaged:
         told.append(f"{frames_are(format_ranges(summary.damaged))} damaged in the source")
-    if cut_short > 0:
+    if cut_short:
         told.append(f"the file is truncated or damaged: {missing(cut_short, 'frame')}")
     made = counted(summary.written + summary.present, "frame")
     return DamagedInputError(

@@ -6,11 +6,11 @@ import json
 from pathlib import Path
 
 from itmo_video.colour.primaries import CHROMATICITIES, INTEROP_IDS
-from itmo_video.source import timecode
 from itmo_video.conversion.plan import Plan
 from itmo_video.model import ClipInfo, Frame
 from itmo_video.output import exr
 from itmo_video.settings import Settings
+from itmo_video.source import timecode
 
 
 def exr_header(plan: Plan, number: int, frame: Frame) -> exr.ExrHeader:

@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 from itmo_video.analysis.model import Analysis
-from itmo_video.source import timecode
 from itmo_video.conversion.frame_ranges import format_ranges, parse_ranges
 from itmo_video.conversion.run_options import RunOptions
 from itmo_video.errors import UsageError
@@ -24,6 +23,7 @@ from itmo_video.output.frame_form import FrameForm, colour_attributes, timing_at
 from itmo_video.output.manifest import Manifest
 from itmo_video.rendering import spans
 from itmo_video.settings import Settings
+from itmo_video.source import timecode
 from itmo_video.source.clip import Clip, first_number
 from itmo_video.words import frames_are
 

@@ -64,6 +64,9 @@ def from_clip(source: Path, settings: Settings, run: RunOptions) -> Pictures:
             pictures.damage += [error.what for error in ended]
             if isinstance(clip, PipeClip):
                 pictures.damage += pipe_damage(clip, run)
+            if run.frames is None and info.frames_cut_off:
+                cut_off = missing(info.frames_cut_off, "frame")
+                pictures.damage.append(f"the file is truncated or damaged: {cut_off}")
             if not is_endless and made < len(wanted):
                 pictures.damage.append(
                     f"{missing(len(wanted) - made, 'frame')} or cannot be decoded"

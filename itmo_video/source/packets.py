@@ -262,17 +262,27 @@ def _declared_frames(
         return max(int(stream.frames), count)
     if name == "asf":
         return max(numbered_frames(Path(container.name), int(stream.id)), count)
-    length = stream.metadata.get("DURATION", "")  # Matroska; written when the file is finalised
-    rate = stream.average_rate
-    if not length or not rate or not pts:
+    if not pts:
+        return None
+    missing = frames_after(stream, max(pts) + (packet_step(pts) or 0))
+    return None if missing is None else count + missing
+
+
+def frames_after(stream: Any, end_pts: int) -> int | None:
+    """How many frames a Matroska track should have after `end_pts`, None if it does not state it.
+
+    Its duration is written when the file is finalised. NUT keeps the tag of what was cut.
+    """
+    length, rate = stream.metadata.get("DURATION", ""), stream.average_rate
+    if not length or not rate or not str(stream.container.format.name).startswith("matroska"):
         return None
     try:
         hours, minutes, seconds = map(parse_rational, length.split(":"))
     except ValueError:
         return None
-    until = (max(pts) + (packet_step(pts) or 0)) * Fraction(stream.time_base)
-    missing = (hours * 3600 + minutes * 60 + seconds - until) * rate
-    return count + (round(missing) if missing >= 1.5 else 0)
+    until_s = end_pts * Fraction(stream.time_base)
+    missing = (hours * 3600 + minutes * 60 + seconds - until_s) * rate
+    return round(missing) if missing >= 1.5 else 0
 
 
 def packet_step(pts: Sequence[int]) -> int | None:

@@ -5,11 +5,8 @@ from __future__ import annotations
 import hashlib
 import os
 import re
-import select
 import stat
-import sys
 from collections.abc import Callable, Iterator
-from contextlib import suppress
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from heapq import heappop, heappush
@@ -28,18 +25,19 @@ from itmo_video.source.packets import (
     Jumps,
     Packets,
     decoder_limit,
+    frames_after,
     is_hidden,
     prepare_decoder,
 )
+from itmo_video.source.pipe_input import BUFFER_BYTES, STANDARD_INPUT, PipeInput
 from itmo_video.source.planes import read_picture
 from itmo_video.source.stream_facts import CAPTURES, facts_at
 from itmo_video.source.streams import choose_video
 from itmo_video.source.tags import InputOptions
 from itmo_video.source.video import VideoClip
 from itmo_video.untrusted import parse_rational
+from itmo_video.words import missing
 
-STANDARD_INPUT = "-"
-_BUFFER_BYTES = 1 << 20
 _RAW = re.compile(r"(?P<form>[a-z0-9]+):(?P<size>\d{1,6}x\d{1,6}):(?P<rate>\d+(?:/\d+|\.\d+)?)")
 _REMEDY = "Pipe Y4M, Matroska, NUT or MPEG-TS; MP4 works only if it is fragmented."
 
@@ -74,7 +72,7 @@ class PipeClip(VideoClip):
             )
         if options.raw is not None:
             raw_format(options.raw)  # checked before any of the stream is consumed
-        self._input = _Input(name)
+        self._input = PipeInput(name)
         self._where = "standard input" if name == STANDARD_INPUT else name
         try:
             self._open(options)
@@ -114,7 +112,7 @@ class PipeClip(VideoClip):
             form, parts = "rawvideo", raw_format(options.raw)
             demuxer = dict(zip(("pixel_format", "video_size", "framerate"), parts, strict=True))
         self._container: Any = av.open(
-            self._input, format=form, options=demuxer, buffer_size=_BUFFER_BYTES, **TAG_ERRORS
+            self._input, format=form, options=demuxer, buffer_size=BUFFER_BYTES, **TAG_ERRORS
         )
         self._stream, _ = choose_video(self._container, options.stream, self._where)
         prepare_decoder(self._stream, options.max_pixels, self._where)
@@ -151,7 +149,7 @@ class PipeClip(VideoClip):
         try:
             for packet in self._container.demux(self._stream):
                 if not packet.size:
-                    self._check_end(end)
+                    self._check_end(end, stamps.end)
                 elif not is_hidden(packet, codec):
                     stamps.see(packet)
                 end = (packet.pos or 0) + packet.size
@@ -160,14 +158,17 @@ class PipeClip(VideoClip):
             check_memory(error)
             self.broken = f"the stream breaks off ({getattr(error, 'strerror', None) or error})"
 
-    def _check_end(self, end: int) -> None:
+    def _check_end(self, end: int, end_pts: int) -> None:
         """Check that nothing follows the last whole frame of an uncompressed stream.
 
-        FFmpeg ignores a truncated frame there.
+        FFmpeg ignores a truncated frame there. Others must reach the duration that they state.
         """
         is_plain = self._container.format.name in ("yuv4mpegpipe", "rawvideo")
         if is_plain and self._input.bytes_read > end:
             self.broken = "the stream breaks off within a frame"
+        cut_off = frames_after(self._stream, end_pts)
+        if cut_off:
+            self.broken = f"the stream is truncated or damaged: {missing(cut_off, 'frame')}"
 
 
 class _Stamps:
@@ -180,6 +181,7 @@ class _Stamps:
         self._jumps = Jumps(stream)
         self._waiting: list[int] = []
         self._first_key: int | None = None
+        self.end = 0  # of the latest packet, so far
 
     @property
     def left(self) -> int:
@@ -192,6 +194,7 @@ class _Stamps:
             self._counts = False  # joined captures: their stamps start again
         if packet.pts is None or packet.is_discard:
             return
+        self.end = max(self.end, packet.pts + int(packet.duration or 0))
         if packet.is_keyframe and self._first_key is None:
             self._first_key = packet.pts
         if self._counts and not self.is_before_first_key(packet.pts):
@@ -251,45 +254,6 @@ class _Once(Decoder):
         on_error: Callable[[Any], bool] = lambda packet: False,
     ) -> Iterator[Any]:
         return iter(())
-
-
-class _Input:
-    """Standard input or a FIFO, read as bytes arrive; `close` ends a waiting read."""
-
-    def __init__(self, name: str) -> None:
-        self.bytes_read = 0
-        if name == STANDARD_INPUT:
-            if sys.stdin is None or sys.stdin.isatty():
-                raise UsageError(
-                    "standard input is a terminal, not a video stream",
-                    remedy="Pipe one in: ffmpeg ... -f yuv4mpegpipe - | itmo-video convert - out/",
-                )
-            self._fd = os.dup(sys.stdin.fileno())
-        else:
-            self._fd = os.open(name, os.O_RDONLY)
-        self._woken, self._wake = os.pipe()
-        with suppress(ImportError, OSError, AttributeError):
-            import fcntl
-
-            fcntl.fcntl(self._fd, fcntl.F_SETPIPE_SZ, _BUFFER_BYTES)  # fewer, larger reads
-
-    def read(self, size: int = -1) -> bytes:
-        ready, _, _ = select.select([self._fd, self._woken], [], [])
-        if self._woken in ready:
-            return b""
-        data = os.read(self._fd, size if size > 0 else _BUFFER_BYTES)
-        self.bytes_read += len(data)
-        return data
-
-    def close(self) -> None:
-        """Stop reading; the writer gets a broken pipe once this process closes it."""
-        with suppress(OSError):
-            os.write(self._wake, b"x")
-
-    def __del__(self) -> None:
-        for name in ("_fd", "_woken", "_wake"):  # as far as they were opened
-            with suppress(OSError, AttributeError):
-                os.close(getattr(self, name))
 
 
 def _digest(first: Any) -> str:

@@ -18,7 +18,7 @@ import command
 import numpy as np
 import pytest
 
-from itmo_video import convert, make_settings, read_exr
+from itmo_video import convert, make_settings, open_clip, read_exr
 from itmo_video.delivery.preview import preview
 from itmo_video.delivery.preview_options import PreviewOptions
 from itmo_video.delivery.y4m import Y4mSpec
@@ -234,6 +234,39 @@ def test_fifos_and_raw_frames(films: dict[str, Path], tmp_path: Path) -> None:
     assert done.returncode == 0, done.stderr
     again = piped(films["8.y4m"], "preview", "-", "-")
     assert got == [again.stdout]
+
+
+def test_a_stream_that_ends_before_its_stated_duration_is_damaged(
+    films: dict[str, Path], tmp_path: Path
+) -> None:
+    """As a file is, by `preview` as by `convert`."""
+    cut = tmp_path / "cut.mkv"
+    with av.open(str(films["h264.mkv"])) as box:
+        ends = [packet.pos for packet in box.demux(video=0) if packet.size]
+    cut.write_bytes(films["h264.mkv"].read_bytes()[: ends[COUNT // 2]])
+    for source, output in ((cut, tmp_path / "film.y4m"), ("-", "-")):
+        done = piped(cut, "preview", source, output)
+        assert done.returncode == 4, done.stderr
+        assert b"truncated or damaged" in done.stderr.splitlines()[-2]
+    assert done.stdout == (tmp_path / "film.y4m").read_bytes()
+
+
+def test_a_nut_stream_may_state_the_duration_of_what_it_was_cut_from(tmp_path: Path) -> None:
+    """FFmpeg copies the tag, in which Matroska states a track's own duration."""
+    for name, keeps in (("cut.nut", True), ("cut.mkv", False)):
+        with av.open(str(tmp_path / name), "w") as box:
+            stream: Any = box.add_stream("ffv1", rate=24)
+            stream.width, stream.height, stream.pix_fmt = 96, 64, "yuv420p"
+            stream.metadata["DURATION"] = "00:00:09.000000000"
+            for codes in clips.moving_scene(3):
+                frame = av.VideoFrame.from_ndarray(codes, "rgb24").reformat(format="yuv420p")
+                box.mux(stream.encode(frame))
+            box.mux(stream.encode())
+        with av.open(str(tmp_path / name)) as made:
+            stated = made.streams.video[0].metadata["DURATION"]
+        assert (stated == "00:00:09.000000000") == keeps
+        with open_clip(tmp_path / name) as clip:
+            assert (clip.info.frames, clip.info.frames_cut_off) == (3, 0)
 
 
 def test_a_reader_that_left_before_the_first_byte_is_a_clean_end(films: dict[str, Path]) -> None:

@@ -1,0 +1,53 @@
+"""The bytes of standard input or a FIFO, as they arrive."""
+
+from __future__ import annotations
+
+import os
+import select
+import sys
+from contextlib import suppress
+
+from itmo_video.errors import UsageError
+
+STANDARD_INPUT = "-"
+BUFFER_BYTES = 1 << 20
+
+
+class PipeInput:
+    """Standard input or a FIFO, read as bytes arrive; `close` ends a waiting read."""
+
+    def __init__(self, name: str) -> None:
+        self.bytes_read = 0
+        if name == STANDARD_INPUT:
+            if sys.stdin is None or sys.stdin.isatty():
+                raise UsageError(
+                    "standard input is a terminal, not a video stream",
+                    remedy="Pipe one in: ffmpeg ... -f yuv4mpegpipe - | itmo-video convert - out/",
+                )
+            self._fd = os.dup(sys.stdin.fileno())
+        else:
+            self._fd = os.open(name, os.O_RDONLY)
+        self._woken, self._wake = os.pipe()
+        with suppress(ImportError, OSError, AttributeError):
+            import fcntl
+
+            fcntl.fcntl(self._fd, fcntl.F_SETPIPE_SZ, BUFFER_BYTES)  # fewer, larger reads
+
+    def read(self, size: int = -1) -> bytes:
+        """The bytes that are there, at most `size`; empty at the end, or once closed."""
+        ready, _, _ = select.select([self._fd, self._woken], [], [])
+        if self._woken in ready:
+            return b""
+        data = os.read(self._fd, size if size > 0 else BUFFER_BYTES)
+        self.bytes_read += len(data)
+        return data
+
+    def close(self) -> None:
+        """Stop reading; the writer gets a broken pipe once this process closes it."""
+        with suppress(OSError):
+            os.write(self._wake, b"x")
+
+    def __del__(self) -> None:
+        for name in ("_fd", "_woken", "_wake"):  # as far as they were opened
+            with suppress(OSError, AttributeError):
+                os.close(getattr(self, name))
