@@ -76,27 +76,128 @@ INLINE void opened_block(const float *const *rgb, const float *const *maps, cons
     }
 }
 
-/* How far the highest channel of each pixel may separate from the others. */
-INLINE void open_block(const float *const *rgb, const float *n, int64_t size, float *restrict open)
+/* How far channels may separate in three successive lines, averaged along each: by line three planes of
+   `width` in `planes`, and in `parts` whether that may not be 0 for each block. `own` holds three planes
+   of width + 2, not averaged. All in 12 width + 6 + 4 blocks floats, which are 0 at first. */
+typedef struct {
+    float *planes, *own, *parts;
+    int64_t width, blocks;
+} Separation;
+
+INLINE Separation separation_of(float *scratch, int64_t width)
 {
-    float per_apart = 1 / (n[APART_WHOLLY] - n[APART_FROM]);
-    const float *red = rgb[0], *green = rgb[1], *blue = rgb[2];
+    int64_t blocks = (width + BLOCK - 1) / BLOCK;
+    return (Separation){scratch, scratch + 9 * width, scratch + 12 * width + 6, width, blocks};
+}
+
+/* Whether any channel of a block is above a level. */
+INLINE int reaches(const float *const *rgb, int64_t at, int64_t size, float level)
+{
+    const float *red = rgb[0] + at, *green = rgb[1] + at, *blue = rgb[2] + at;
+    int found = 0;
+    for (int64_t x = 0; x < size; x++)
+        found |= (red[x] > level) | (green[x] > level) | (blue[x] > level);
+    return found;
+}
+
+/* How far each channel of a block may separate, to planes `across` apart. */
+INLINE void separation_of_block(const float *const *rgb, const float *n, int64_t at, int64_t size,
+                                int64_t across, float *own)
+{
+    const float *red = rgb[0] + at, *green = rgb[1] + at, *blue = rgb[2] + at;
+    float apart_from = n[APART_FROM], per_apart = 1 / (n[APART_WHOLLY] - apart_from), open[BLOCK];
+    float with_from = n[WITH_FROM], per_with = 1 / (n[WITH_WHOLLY] - with_from);
     for (int64_t x = 0; x < size; x++) {
         float greatest = red[x] > green[x] ? red[x] : green[x];
         greatest = greatest > blue[x] ? greatest : blue[x];
-        float t = between((greatest - n[APART_FROM]) * per_apart, 0, 1);
+        float t = between((greatest - apart_from) * per_apart, 0, 1);
         open[x] = t * t * (3 - 2 * t);
+    }
+    for (int c = 0; c < 3; c++) {
+        const float *plane = rgb[c] + at;
+        float *restrict out = own + c * across;
+        for (int64_t x = 0; x < size; x++) {
+            float t = between((plane[x] - with_from) * per_with, 0, 1);
+            out[x] = t * t * (3 - 2 * t) * open[x];
+        }
     }
 }
 
-/* The gains of up to BLOCK pixels; returns how many of `gains` are set: 0 if all are 1, 1 if channels
-   share one, otherwise 3. */
-INLINE int gain_block(const float *const *rgb, const float *ratio, const float *const *maps,
-                      const float *n, int64_t size, float gains[3][BLOCK])
+/* Lines come in order; only the last three are known. */
+INLINE void add_line(Separation *s, int64_t line, const float *const *rgb, const float *n)
 {
-    float curve[BLOCK] = {0}, own[3][BLOCK], common[BLOCK], open[BLOCK];
-    float peak = log_two(n[L_MAX]), per_with = 1 / (n[WITH_WHOLLY] - n[WITH_FROM]);
-    int curves = 0, opens = 0, parts = 0;
+    int64_t across = s->width + 2, blocks = s->blocks;
+    float *smooth = s->planes + line % 3 * 3 * s->width, *parts = s->parts + line % 3 * blocks;
+    float *near = s->parts + 3 * blocks, any = 0;
+    for (int64_t b = 0; b < blocks; b++) {
+        int64_t at = b * BLOCK, left = s->width - at, size = left < BLOCK ? left : BLOCK;
+        float was_near = near[b];
+        near[b] = n[IS_APART] > 0 && reaches(rgb, at, size, n[APART_FROM]);
+        any += near[b];
+        if (near[b] > 0)
+            separation_of_block(rgb, n, at, size, across, s->own + 1 + at);
+        for (int c = 0; was_near > near[b] && c < 3; c++)
+            for (int64_t x = 0; x < size; x++)
+                s->own[c * across + 1 + at + x] = 0;
+    }
+    for (int64_t b = 0; b < blocks; b++)
+        parts[b] = near[b] + (b ? near[b - 1] : 0) + (b + 1 < blocks ? near[b + 1] : 0);
+    for (int c = 0; any > 0 && c < 3; c++) {
+        float *own = s->own + c * across;
+        own[0] = own[1];
+        own[across - 1] = own[across - 2];
+        for (int64_t b = 0; b < blocks; b++) {
+            int64_t at = b * BLOCK, left = s->width - at, size = left < BLOCK ? left : BLOCK;
+            float *restrict out = smooth + c * s->width + at;
+            const float *here = own + at;
+            if (parts[b] > 0)
+                for (int64_t x = 0; x < size; x++)
+                    out[x] = (here[x] + here[x + 2]) * 0.25f + here[x + 1] * 0.5f;
+        }
+    }
+}
+
+/* The average over 3 x 3 pixels of `size` of them, from the block at `at` on in `line`; `last` is the
+   picture's last line. Returns 0, and sets nothing, if none may separate. */
+INLINE int separation_at(const Separation *s, int64_t line, int64_t last, int64_t at, int64_t size,
+                         float out[3][BLOCK])
+{
+    int64_t slots[3] = {(line > 0 ? line - 1 : 0) % 3, line % 3, (line < last ? line + 1 : last) % 3};
+    const float shares[3] = {0.25f, 0.5f, 0.25f};
+    int parts = 0;
+    for (int i = 0; i < 3; i++)
+        parts |= s->parts[slots[i] * s->blocks + at / BLOCK] > 0;
+    if (!parts)
+        return 0;
+    parts = 0;
+    for (int c = 0; c < 3; c++) {
+        float *restrict sum = out[c];
+        for (int64_t x = 0; x < size; x++)
+            sum[x] = 0;
+        for (int i = 0; i < 3; i++) {
+            const float *plane = s->planes + (slots[i] * 3 + c) * s->width + at;
+            float share = shares[i];
+            if (s->parts[slots[i] * s->blocks + at / BLOCK] > 0)
+                for (int64_t x = 0; x < size; x++)
+                    sum[x] += plane[x] * share;
+        }
+        for (int64_t x = 0; x < size; x++)
+            parts |= sum[x] > 0;
+        for (int64_t x = size; x < BLOCK; x++)
+            sum[x] = 0;
+    }
+    return parts;
+}
+
+/* The gains of up to BLOCK pixels, whose channels separate by `apart` unless that is null. Returns how
+   many of `gains` are set: 0 if all are 1, 1 if channels share one, otherwise 3. */
+INLINE int gain_block(const float *const *rgb, const float *ratio, const float *const *maps,
+                      const float (*apart)[BLOCK], const float *n, int64_t size,
+                      float gains[3][BLOCK])
+{
+    float curve[BLOCK] = {0}, own[3][BLOCK], common[BLOCK];
+    float peak = log_two(n[L_MAX]);
+    int curves = 0, opens = 0;
     for (int64_t x = 0; maps[3] && x < size; x++)
         curves |= maps[3][x] > 0;
     if (curves)
@@ -109,8 +210,6 @@ INLINE int gain_block(const float *const *rgb, const float *ratio, const float *
         for (int64_t x = 0; bright && map && x < size; x++)
             opens |= (peak * map[x] > curve[x]) & (plane[x] > n[OPEN_FROM]);
         opens |= bright & !map & (n[UNKNOWN] > 0);
-        for (int64_t x = 0; x < size; x++)
-            parts |= plane[x] > n[APART_FROM];
     }
     if (!opens && !curves)
         return 0;
@@ -119,20 +218,16 @@ INLINE int gain_block(const float *const *rgb, const float *ratio, const float *
         for (int64_t x = 0; x < size; x++)
             curve[x] += common[x];
     }
-    if (!opens || !parts || !(n[IS_APART] > 0)) {
+    if (!opens || !apart) {
         for (int64_t x = 0; x < size; x++)
             gains[0][x] = two_to(curve[x], nearest(curve[x]));
         return 1;
     }
-    open_block(rgb, n, size, open);
-    for (int c = 0; c < 3; c++) {
-        const float *plane = rgb[c];
+    for (int c = 0; c < 3; c++)
         for (int64_t x = 0; x < size; x++) {
-            float t = between((plane[x] - n[WITH_FROM]) * per_with, 0, 1);
-            float total = curve[x] + (own[c][x] - common[x]) * (t * t * (3 - 2 * t) * open[x]);
+            float total = curve[x] + (own[c][x] - common[x]) * apart[c][x];
             gains[c][x] = two_to(total, nearest(total));
         }
-    }
     return 3;
 }
 

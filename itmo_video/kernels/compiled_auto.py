@@ -90,13 +90,13 @@ def auto_from_codes(
     black, span = codes.levels[:2]
     sizes = np.array(
         [luma.itemsize, shape[1], cb.shape[1], cb.shape[0], rows.start, rows.stop - rows.start,
-         *codes.sites_in_halves, count, height, width, maps.guards], np.int64,
+         *codes.sites_in_halves, count, height, width, maps.guards, len(luma)], np.int64,
     )  # fmt: skip
     light = np.array(
         [*codes.black_and_scale, *codes.matrix, 1 / span, -black / span, strength], np.float32
     )
     across = (shape[1] + AT_ONCE + _RUN) // _BLOCK * _BLOCK
-    room = (5 + count) * across + 2 * (count * (width + 1) + AT_ONCE) + cb.shape[1] + 2
+    room = (24 + count) * across + 2 * (count * (width + 1) + AT_ONCE) + cb.shape[1] + 2
     loaded.itmo_auto_from_codes(
         luma, cb, cr,
         luma.strides[0], np.array([cb.strides[0], cr.strides[0]], np.int64), sizes, light,
@@ -126,7 +126,7 @@ def gain_auto(
     given = _given_to_auto(rgb, ratio, maps, numbers)
     out = [np.empty(rgb[0].shape, np.float32) for _ in rgb]
     loaded.itmo_gain_auto(
-        *given, out[0].size,
+        *given, *rgb[0].shape, _room_to_separate(rgb[0]),
         *out,
     )  # fmt: skip
     return out
@@ -148,7 +148,7 @@ def expand_auto(
     given = _given_to_auto(rgb, ratio, maps, numbers)
     alike(rgb[0], *out)
     loaded.itmo_expand_auto(
-        *given, strength, rgb[0].size,
+        *given, strength, *rgb[0].shape, _room_to_separate(rgb[0]),
         *out,
     )  # fmt: skip
 
@@ -162,6 +162,11 @@ def _given_to_auto(
     levels = [None if is_nothing(plane) else whole(plane) for plane in maps] or [None] * 4
     alike(*planes, smoothed, *levels)
     return [*planes, smoothed, *levels, numbers.as_array(not maps)]
+
+
+def _room_to_separate(plane: Float32) -> Float32:
+    width = plane.shape[1]  # as in separation_of of auto_gains.h
+    return np.zeros(12 * width + 6 + 4 * (width // _BLOCK + 1), np.float32)
 
 
 def is_nothing(plane: Float32) -> bool:

@@ -1,7 +1,8 @@
 /* `auto` from Y'CbCr codes to half floats in one pass, a line of the picture at a time.
 
-   A line's codes, chroma and maps stay in the first two caches; maps are not upsampled for a line in
-   which nothing is expanded, and a block of unchanged pixels is converted to halves directly. */
+   A line's codes, chroma and maps stay in the first two caches, as does the light of the line below it,
+   with which channels' separation is averaged; maps are not upsampled for a line in which nothing is
+   expanded, and a block of unchanged pixels is converted to halves directly. */
 
 #include "auto_gains.h"
 #include "light.h"
@@ -9,7 +10,7 @@
 
 /* The indices of `sizes` and `light`: see compiled_auto.auto_from_codes. */
 enum { BYTES, WIDTH, CHROMA_WIDTH, CHROMA_HEIGHT, FIRST, ROWS, SITE_X, SITE_Y, PLANES, SMALL_HEIGHT,
-       SMALL_WIDTH, GUARDS };
+       SMALL_WIDTH, GUARDS, HEIGHT };
 enum { LEVELS, MATRIX = 4, SCALE = 8, OFFSET, STRENGTH };
 enum { RUN = 8 * BLOCK }; /* pixels whose light is computed at a time */
 
@@ -46,7 +47,12 @@ CLONED void itmo_auto_from_codes(const uint8_t *luma, const uint8_t *cb, const u
     float strength = light[STRENGTH];
     float *y = scratch, *wide[2] = {y + across, y + 2 * across}, *ratio = y + 3 * across;
     float *code = y + 4 * across, *full = y + 5 * across, *lefts = full + planes * across;
-    float *steps = lefts + planes * (w + 1) + AT_ONCE, *line = steps + planes * (w + 1) + AT_ONCE;
+    float *steps = lefts + planes * (w + 1) + AT_ONCE, *apart = steps + planes * (w + 1) + AT_ONCE;
+    float *lights = apart + 13 * across, *line = lights + 6 * across;
+    Separation separation = separation_of(apart, width);
+    int64_t last = sizes[HEIGHT] - 1, next = sizes[FIRST];
+    int separates = n[UNKNOWN] > 0 || which[0] >= 0 || which[1] >= 0 || which[2] >= 0;
+    next -= separates && next;
     uint16_t *out[3] = {out_red, out_green, out_blue};
     for (int64_t row = 0; row < sizes[ROWS]; row++) {
         int64_t at = sizes[FIRST] + row;
@@ -56,16 +62,28 @@ CLONED void itmo_auto_from_codes(const uint8_t *luma, const uint8_t *cb, const u
             something |= maps_used[m];
         }
         int curves = maps_used[3], guards = sizes[GUARDS] && curves;
-        code_lines(&picture, at, line, y, wide);
+        /* The line below is needed, too, before this one's light is multiplied in place. */
+        for (int64_t to = at < last && separates ? at + 1 : at; next <= to; next++) {
+            float *whole = lights + next % 2 * 3 * across;
+            const float *planes_of[3] = {whole, whole + across, whole + 2 * across};
+            code_lines(&picture, next, line, y, wide);
+            for (int64_t begin = 0; begin < width; begin += RUN) {
+                int64_t left = width - begin, size = left < RUN ? (left + BLOCK - 1) / BLOCK * BLOCK : RUN;
+                float *red = whole + begin;
+                to_rgb(y + begin, wide[0] + begin, wide[1] + begin, light + MATRIX, size, red,
+                       red + across, red + 2 * across);
+                for (int c = 0; c < 3; c++)
+                    itmo_power(red + c * across, size, power);
+            }
+            if (separates)
+                add_line(&separation, next, planes_of, n);
+        }
         for (int64_t begin = 0; begin < width; begin += RUN) {
             int64_t left = width - begin < RUN ? width - begin : RUN;
             int64_t blocks = (left + BLOCK - 1) / BLOCK, size = blocks * BLOCK;
-            float rgb[3 * RUN], gains[3][BLOCK];
-            to_rgb(y + begin, wide[0] + begin, wide[1] + begin, light + MATRIX, size, rgb, rgb + size,
-                   rgb + 2 * size);
-            itmo_power(rgb, 3 * size, power);
+            float *rgb = lights + at % 2 * 3 * across + begin, gains[3][BLOCK], open[3][BLOCK];
             for (int64_t i = 0; i < size; i += BLOCK) {
-                const float *here[3] = {rgb + i, rgb + size + i, rgb + 2 * size + i}, *maps[4];
+                const float *here[3] = {rgb + i, rgb + across + i, rgb + 2 * across + i}, *maps[4];
                 if (!something || (!curves && !is_bright(here, n[OPEN_FROM])))
                     continue;
                 if (!brought_up) {
@@ -80,18 +98,22 @@ CLONED void itmo_auto_from_codes(const uint8_t *luma, const uint8_t *cb, const u
                 }
                 for (int m = 0; m < 4; m++)
                     maps[m] = !maps_used[m] ? 0 : full + which[m] * across + begin + i;
-                int made = gain_block(here, guards ? ratio + begin + i : 0, maps, n, BLOCK, gains);
+                int64_t size_here = width - begin - i < BLOCK ? width - begin - i : BLOCK;
+                int opens = separates &&
+                            separation_at(&separation, at, last, begin + i, size_here, open);
+                int made = gain_block(here, guards ? ratio + begin + i : 0, maps, opens ? open : 0, n,
+                                      BLOCK, gains);
                 for (int c = 0; strength != 1 && c < made; c++)
                     for (int64_t x = 0; x < BLOCK; x++)
                         gains[c][x] = (gains[c][x] - 1) * strength + 1;
                 for (int c = 0; made && c < 3; c++) {
-                    float *plane = rgb + c * size + i;
+                    float *plane = rgb + c * across + i;
                     for (int64_t x = 0; x < BLOCK; x++)
                         plane[x] *= gains[made > 1 ? c : 0][x];
                 }
             }
             for (int c = 0; c < 3; c++)
-                itmo_halves(rgb + c * size, left, out[c] + row * width + begin);
+                itmo_halves(rgb + c * across, left, out[c] + row * width + begin);
         }
     }
 }

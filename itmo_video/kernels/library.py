@@ -59,7 +59,7 @@ _ARGUMENTS = {
     "guided_coefficients": "FFnnnfFD" + "FFFF",
     "guide_rows": "pnnff" + "nnnn" + "Fnnn" + "LFIF" + "nnF" + "FF",
     "gain_banterle2006": "FffnF",
-    "gain_auto": "FFF" + "F" + "FFFF" + "Fn" + "FFF",
+    "gain_auto": "FFF" + "F" + "FFFF" + "FnnF" + "FFF",
     "auto_from_codes": "pppnLLFF" + "FLFIF" + "LBFF" + "HHH",
     "add_weighed": "FFnnF",
     "blend": "FFFnnF",
@@ -77,7 +77,7 @@ _ARGUMENTS = {
     "srgb_codes": "FnF",
     "network_filters": "FnnnF",
     "ramps": "Fff" + "nF",
-    "expand_auto": "FFF" + "F" + "FFFF" + "F" + "fn" + "HHH",
+    "expand_auto": "FFF" + "F" + "FFFF" + "F" + "fnnF" + "HHH",
     "expand": "FFFFF" + "fffn" + "HHH",
     "to_codes": "ppp" + "LLFFF" + "WWW" + "D",
 }

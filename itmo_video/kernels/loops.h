@@ -58,13 +58,13 @@ void itmo_gain_banterle2006(const float *luminance, float slope, float factor, i
     float *restrict out);
 void itmo_gain_auto(const float *red, const float *green, const float *blue, const float *ratio,
     const float *map_red, const float *map_green, const float *map_blue, const float *map_curve,
-    const float *n, int64_t count, float *restrict out_red, float *restrict out_green,
-    float *restrict out_blue);
+    const float *n, int64_t rows, int64_t width, float *scratch, float *restrict out_red,
+    float *restrict out_green, float *restrict out_blue);
 void itmo_ramps(const float *values, float low, float scale, int64_t count, float *restrict out);
 void itmo_expand_auto(const float *red, const float *green, const float *blue, const float *ratio,
     const float *map_red, const float *map_green, const float *map_blue, const float *map_curve,
-    const float *n, float strength, int64_t count, uint16_t *restrict out_red,
-    uint16_t *restrict out_green, uint16_t *restrict out_blue);
+    const float *n, float strength, int64_t rows, int64_t width, float *scratch,
+    uint16_t *restrict out_red, uint16_t *restrict out_green, uint16_t *restrict out_blue);
 void itmo_auto_from_codes(const uint8_t *luma, const uint8_t *cb, const uint8_t *cr,
     int64_t luma_stride, const int64_t *chroma_strides, const int64_t *sizes, const float *light,
     const float *power, const float *small, const int64_t *above, const float *parts,

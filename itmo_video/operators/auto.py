@@ -7,7 +7,7 @@ At keyframes, map_auto computes from the analysis picture how far each clipped p
 white, for R, G and B separately (auto_levels), and the weight of eq. 11 at each place
 (auto_rendering). These are carried along motion like the Expand Map. In every frame (gain_auto)
 eq. 11 gives one gain for all channels, so unclipped colours keep their chromaticity; a channel
-departs from the others only where it is at white.
+departs from the others only where it is at white, and pixels beside each other do so alike.
 """
 
 from __future__ import annotations
@@ -49,6 +49,7 @@ APART_FROM, APART_WHOLLY = 0.9, 1.0  # of the highest channel: below, channels d
 RATIO_LOW, RATIO_HIGH = 0.7, 2.0  # of smoothed over given light: keeps small lamps bright
 WITH_FROM, WITH_WHOLLY = 0.8, 1.0  # light at which a channel counts as clipped with the highest
 UNSURE, SURE, LEAST_TRUST = 0.1, 0.27, 0.3  # of the network's stops, where it is uncertain
+REACH_PX = 1  # pixels around a pixel that decide how far its channels separate
 LEAST_LIGHT = 2e-3
 # Eq. 11's argument is smoothed over texture, which is not amplified with the light on it.
 TEXTURE = Guard(radius_px=21, epsilon=0.02, curve_map=3)
@@ -112,8 +113,9 @@ def gain_auto(
 ) -> list[Float32]:
     """The gains of R, G and B, float32 of their shape: at most L'max, 1 where maps are 0.
 
-    `rgb` is linear light, clipped at 1; `ratio` is smoothed over given luminance, 1 if None; `maps`
-    are the four of map_auto, or none: everything that clips then goes to L'max.
+    `rgb` is linear light, clipped at 1, (rows, W); `ratio` is smoothed over given luminance, 1 if
+    None; `maps` are the four of map_auto, or none: everything that clips then goes to L'max. How
+    far a channel separates is averaged over 3 x 3 pixels (REACH_PX), so that none does alone.
     """
     l_max, apart = context.l_max, context.hue == "restore"
     peak_stops = np.float32(math.log2(l_max))
@@ -143,9 +145,20 @@ def gain_auto(
     for plane, own in zip(limited, stops, strict=True):
         total = curve + common
         if apart:
-            total = total + (own - common) * (open_ * ramps(plane, WITH_FROM, WITH_WHOLLY))
+            apart_here = ramps(plane, WITH_FROM, WITH_WHOLLY) * open_
+            total = total + (own - common) * averaged_over_neighbours(apart_here)
         gains.append(np.asarray(np.exp2(total), np.float32))
     return gains
+
+
+def averaged_over_neighbours(plane: Float32) -> Float32:
+    """The mean of 3 x 3 pixels, weighted 1 2 1 each way; edges repeat: (rows, W)."""
+    wide = np.pad(plane, 1, "edge")
+    along = (wide[:, :-2] + wide[:, 2:]) * np.float32(0.25) + wide[:, 1:-1] * np.float32(0.5)
+    above, here, below = (part * np.float32(w) for part, w in (
+        (along[:-2], 0.25), (along[1:-1], 0.5), (along[2:], 0.25)
+    ))  # fmt: skip
+    return np.asarray(above + here + below, np.float32)
 
 
 def _compiled_expand_auto(
@@ -196,6 +209,7 @@ class AutoOperator:
     sees: Sees = "rgb"
     draws_edges: bool = True
     has_paper_map: bool = False
+    reach_px: int = REACH_PX
 
     def map(self, picture: Float32, context: Context) -> Float32:
         """`map_auto` of the picture: float32 (H, W, 4) in [0, 1]."""

@@ -40,6 +40,7 @@ class LuminanceOperator:
     guard: Guard = GRAIN
     channel_maps: bool = False
     draws_edges: bool = False
+    reach_px: int = 0
 
     @property
     def sees(self) -> Sees:

@@ -70,6 +70,10 @@ class Operator(Protocol):
     def has_paper_map(self) -> bool:
         """Whether `map` is just the density of lights."""
 
+    @property
+    def reach_px(self) -> int:
+        """How many rows of pixels above and below `gains` needs for the right ones."""
+
     def map(self, picture: Float32, context: Context) -> Float32:
         """Compute the map of a keyframe's picture: float32 (H, W) or (H, W, C), C <= 4, in [0, 1].
 
@@ -87,15 +91,19 @@ class Operator(Protocol):
     ) -> list[Float32]:
         """Compute the gains of R, G and B, or one gain for all: new float32 arrays of their shape.
 
-        `rgb` are planes of linear light, clamped to 1; `ratio` is smoothed over given luminance, 1
-        if None; `maps` are the planes of `map` at this size, empty for maps of 1. `strength` (0 to
-        1) is the share of the expansion to apply.
+        `rgb` are planes (rows, W) of linear light, clamped to 1; `ratio` is smoothed over given
+        luminance, 1 if None; `maps` are the planes of `map` at this size, empty for maps of 1.
+        `strength` (0 to 1) is the share of the expansion to apply.
         """
 
 
 @runtime_checkable
 class WritesHalves(Protocol):
     """An operator that can multiply the picture by `gains` in one pass, as most frames need."""
+
+    @property
+    def reach_px(self) -> int:
+        """As `Operator.reach_px`."""
 
     def numbers(self, context: Context) -> GainAuto:
         """What the compiled pass from codes to halves needs to know."""

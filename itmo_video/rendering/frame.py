@@ -12,7 +12,7 @@ from itmo_video import reused_memory
 from itmo_video.colour import linear_light, primaries
 from itmo_video.colour.analysis_picture import analysis_guide
 from itmo_video.colour.luminance import frame_luminance, limited_luminance, luminance_of
-from itmo_video.colour.strips import strip_buffers, strips
+from itmo_video.colour.strips import strip_buffers, strips, with_reach
 from itmo_video.kernels import compiled
 from itmo_video.kernels.dispatch import with_compiled_form
 from itmo_video.look import Look, context_of
@@ -77,16 +77,19 @@ def render(
         expand_rows(frame, slice(0, height), guidance, operator, context, part, out)
         return Rendered((out[0], out[1], out[2]), None, {})
     for rows in strips(height):
-        rgb = strip_buffers(rows, width)
-        linear_light.strip_to_rgb_linear(frame, rows, clip, rgb)
-        maps, denoise = guidance.rows(rows)
+        wide, within = with_reach(rows, operator.reach_px, height)
+        around = strip_buffers(wide, width)
+        linear_light.strip_to_rgb_linear(frame, wide, clip, around)
+        maps, denoise = guidance.rows(wide)
+        rgb = [plane[within] for plane in around]
         if is_plain and isinstance(operator, LuminanceOperator) and len(maps) == 1:
             # The same as below, compiled into one pass over the strip.
             gain = operator.gain(limited_luminance(rgb, denoise), context)
             base = operator.base_gain(context)
             expand(rgb, gain, maps[0], base, part, out[:, rows])
             continue
-        gains = operator.gains(rgb, denoise, maps, context, part)
+        gains = [g[within] for g in operator.gains(around, denoise, maps, context, part)]
+        maps = [plane[within] for plane in maps]
         if more:
             gains = strengthened(gains, _greatest(rgb), 1 + more, context.l_max)
         _fill_layers(layers, rows, rgb, gains, maps)

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import ctypes
 
+import numpy as np
+
 from itmo_video.colour import linear_light
-from itmo_video.colour.strips import strip_buffers, strips
+from itmo_video.colour.strips import strip_buffers, strips, with_reach
 from itmo_video.kernels import compiled_auto
 from itmo_video.kernels.dispatch import with_compiled_form
 from itmo_video.model import Frame, Half
@@ -26,10 +28,13 @@ def expand_in_steps(
     """`expand_rows` with a separate kernel for each step, a strip at a time."""
     for inner in strips(rows.stop - rows.start):
         strip = slice(rows.start + inner.start, rows.start + inner.stop)
-        rgb = strip_buffers(strip, frame.size[0])
-        linear_light.strip_to_rgb_linear(frame, strip, True, rgb)
-        maps, ratio = guidance.rows(strip)
-        operator.expand(rgb, ratio, maps, context, strength, out[:, inner])
+        wide, within = with_reach(strip, operator.reach_px, frame.size[1])
+        rgb = strip_buffers(wide, frame.size[0])
+        linear_light.strip_to_rgb_linear(frame, wide, True, rgb)
+        maps, ratio = guidance.rows(wide)
+        halves = np.empty((3, *rgb[0].shape), np.float16)
+        operator.expand(rgb, ratio, maps, context, strength, halves)
+        out[:, inner] = halves[:, within]
 
 
 def _compiled_rows(

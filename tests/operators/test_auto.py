@@ -64,10 +64,12 @@ def test_srgb_codes_at_published_values() -> None:
 
 
 def gain_of(rgb, maps=(), context=DISPLAY, ratio=None):
-    """gain_auto of pixels (n, 3), maps (n, 4): (n, 3)."""
-    planes = [np.ascontiguousarray(plane, np.float32)[None] for plane in np.asarray(rgb).T]
-    parts = [np.ascontiguousarray(part, np.float32)[None] for part in np.asarray(maps).T]
-    return np.stack([gain[0] for gain in auto.gain_auto(planes, ratio, parts, context)], 1)
+    """gain_auto of pixels (n, 3) among their like, maps (n, 4): (n, 3)."""
+    planes, parts = (
+        [np.repeat(np.asarray(part, np.float32)[None], 3, 1) for part in np.asarray(values).T]
+        for values in (rgb, maps)
+    )
+    return np.stack([gain[0, 1::3] for gain in auto.gain_auto(planes, ratio, parts, context)], 1)
 
 
 @given(st.floats(0, 1), st.floats(0, 1), st.floats(0, 1), st.floats(0, 1), st.floats(1, 100))

@@ -39,7 +39,8 @@ def gain_of(name: str, luminance: Any, ctx: Context) -> Any:
     operator = OPERATORS[name]
     if isinstance(operator, LuminanceOperator):
         return operator.gain(luminance, ctx)
-    return operator.gains([luminance] * 3, None, [], ctx, 1.0)[0]
+    rows = luminance[None]  # an operator may look at a pixel's neighbours
+    return operator.gains([rows] * 3, None, [], ctx, 1.0)[0][0]
 
 
 def curve_auto(luminance: Any, context: Context) -> Any:

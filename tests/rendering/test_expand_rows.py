@@ -49,7 +49,7 @@ def picture(size: tuple[int, int], kind: tuple[tuple[int, int], Any, int, Any]) 
 
 
 def both(frame: Frame, maps: npt.NDArray[np.float32] | None, strength: float, **given: Any) -> None:
-    """Hold the pass against its steps, by strips of 32 rows."""
+    """Hold the pass against its steps, by strips of 32 rows and as a whole: no strip shows."""
     look = make_look(make_settings("default", map_width=16, **given))
     assert isinstance(look.operator, WritesHalves)
     guide = analysis_guide(frame, 16)
@@ -62,6 +62,9 @@ def both(frame: Frame, maps: npt.NDArray[np.float32] | None, strength: float, **
         for into, how in zip(out, (expand_rows, expand_in_steps), strict=True):
             how(frame, rows, guidance, look.operator, context, strength, into[:, rows])
     assert np.array_equal(*out.view(np.uint16))
+    for how in (expand_rows, expand_in_steps):
+        how(frame, slice(0, height), guidance, look.operator, context, strength, out[1])
+        assert np.array_equal(*out.view(np.uint16))
 
 
 @compiled
