@@ -1,7 +1,7 @@
 """The reference as Markdown, from the definitions that the program itself runs by.
 
-python docs/site/reference.py writes docs/reference/ anew, which a test holds current: who reads the
-documentation in the repository finds it there, and the site takes it from there.
+python docs/site/reference.py rewrites docs/reference/, which a test keeps current: readers of the
+repository find it there, and the site is built from it.
 """
 
 from __future__ import annotations

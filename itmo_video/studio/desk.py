@@ -236,7 +236,7 @@ class Desk:
     def render(self, kind: str, name: str, again: bool = False) -> Path:
         """Start converting the clip to a folder, or to a film, next to the saved files.
 
-        With `again` frames of other settings, or the film, are rendered anew.
+        With `again`, frames with other settings, or the film, are re-rendered.
         """
         if kind not in RENDERS:
             raise UsageError(f"{kind!r} is neither convert nor preview")

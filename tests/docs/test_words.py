@@ -99,6 +99,7 @@ AVOIDED = {  # a pattern in prose, and what to write; meant in the senses of ../
     r"\bOpen EXR\b": "OpenEXR",
     r"\btime line\b": "timeline",
     r"\bpresent settings\b": "current settings",
+    r"\bwithout a word\b": "without a notice",
     r"\bHDR already\b": "already HDR",
     r"\bby custom\b": "usually",
     r"\bdoes not decode\b": "cannot be decoded",

@@ -42,7 +42,7 @@ async function render(kind) {
   const name = byId("render-name").value.trim(), again = byId("render-again").checked;
   try {
     take(await post("api/render", { kind, name, again }));
-    byId("render-again").checked = false;  // each time it is asked for anew
+    byId("render-again").checked = false;  // to be ticked again for the next one
     follow();
   } catch (error) {
     refusal = error.message;
