@@ -246,6 +246,8 @@ def track_map(
     """
     seen: list[Float32] = []
     weights: list[Float32] = []
+    if not any(cv2.hasNonZero(key_map.reshape(len(key_map), -1)) for _, key_map in (left, right)):
+        return left[1]
     for there, key_map in (left, right):
         flow = find_flow(here, there)
         seen.append(warp_map(key_map, flow))

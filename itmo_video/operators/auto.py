@@ -65,27 +65,43 @@ def map_auto(rgb_linear: Float32, context: Context, wrap_x: bool = False) -> Flo
     height, width = rgb_linear.shape[:2]
     pad = min(width, max(1, width // 8)) if wrap_x else 0
     wide = np.pad(rgb_linear, ((0, 0), (pad, pad), (0, 0)), "wrap")
+    known = context.recall("known", lambda: known_clipped(wide))
+    seen = context.recall("rendering", lambda: rendering_of(rgb_linear))
+    rendering = replace(seen, footage=context.footage)
+    inner = slice(pad, pad + width)
+    used = np.zeros((height, width, 3), np.float32)
+    if cv2.hasNonZero(known.reshape(height, -1)):  # else the network is not asked
+        opened, share = _opened(rgb_linear, wide, known, context, wrap_x)
+        used = opened[:, inner] * np.float32(rendering.caution * share)
+    weight = curve_weight(wide, rendering, context.lamps)[:, inner]
+    maps = cv2.merge([*cv2.split(used), weight])  # NumPy takes three times as long
+    return np.asarray(maps, np.float32).reshape(height, width, 4)
+
+
+def _opened(
+    rgb_linear: Float32, wide: Float32, known: Float32, context: Context, wrap_x: bool
+) -> tuple[Float32, float]:
+    """The network's stops of R, G and B over log2 L'max, and the share of them to be used.
+
+    `wide` is the picture and what was added at its sides, for which stops and `known` are.
+    """
+    height, width = rgb_linear.shape[:2]
+    pad = (wide.shape[1] - width) // 2
     shares = context.recall("shares", lambda: level_shares(rgb_linear, wrap_x))
     levels = expected_levels(shares, (height, width), context.l_max, wrap_x)
     levels = np.pad(levels, ((0, 0), (pad, pad), (0, 0)), "wrap")
-    known = context.recall("known", lambda: known_clipped(wide))
     peak_stops = math.log2(max(context.l_max, 1 + 1e-6))
     colour = context.recall("colour", lambda: colour_of_bright(wide))
     lost = context.recall("lost", lambda: colour_lost(wide, colour)) * np.float32(1 / peak_stops)
     apart = bounded_parting(levels * known, colour, lost, peak_stops)
-    opened = decided_together(apart, wide, lost)[:, pad : pad + width]
-    seen = context.recall("rendering", lambda: rendering_of(rgb_linear))
-    rendering = replace(seen, footage=context.footage)
+    opened = decided_together(apart, wide, lost)
     clipped = np.ascontiguousarray(greatest_of(known)[:, pad : pad + width])
     sure = context.recall("certainty", lambda: certainty(shares, clipped, wrap_x))
     trusted = LEAST_TRUST + (1 - LEAST_TRUST) * ramp(sure, UNSURE, SURE)
     tested = context.recall(
         "self_test", lambda: self_test(rgb_linear, mean_stops(shares, clipped, wrap_x), wrap_x)
     )
-    used = opened * np.float32(rendering.caution * trusted * tested)
-    weight = curve_weight(wide, rendering, context.lamps)[:, pad : pad + width]
-    maps = cv2.merge([*cv2.split(used), weight])  # NumPy takes three times as long
-    return np.asarray(maps, np.float32).reshape(height, width, 4)
+    return opened, trusted * tested
 
 
 def _numbers(context: Context) -> compiled_auto.GainAuto:

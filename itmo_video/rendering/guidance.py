@@ -139,7 +139,7 @@ class Guidance:
         )
         left = iter(range(guards, len(small)))
         a, b, c, d = (-1 if m >= known or m in zeros else next(left) for m in range(4))
-        used = np.asarray(small.any(axis=2), np.uint8)
+        used = np.asarray(small.max(axis=2) > 0, np.uint8)  # maps are at least 0
         numbers = a, b, c, d
         return compiled_auto.SmallMaps(small, used, self._guards, numbers, known > 0, above, part)
 
@@ -150,7 +150,7 @@ class Guidance:
             rows.start, rows.stop, small.shape[1], self._frame.size[1]
         )
         seen = small[guards:, above[0] : below[-1] + 1]
-        zeros = tuple(plane for plane, part in enumerate(seen) if not part.any())
+        zeros = tuple(plane for plane, part in enumerate(seen) if not cv2.hasNonZero(part))
         if not zeros:
             return small, ()
         if zeros not in self._subsets:
