@@ -19,6 +19,7 @@ from itmo_video.colour.primaries import rgb_to_rgb_matrix
 from itmo_video.delivery.eetf import bt2390_eetf
 from itmo_video.delivery.lettering import labelled
 from itmo_video.model import Float32, Frame, Half
+from itmo_video.rendering.frame import alpha_of
 
 Picture = npt.NDArray[np.float32]
 Layout = Literal["side", "wipe"]
@@ -91,8 +92,10 @@ def encoded(linear: Picture) -> Picture:
 
 
 def source_picture(frame: Frame) -> Picture:
-    """A source frame as linear (H, W, 3) light in BT.709."""
-    return to_709(linear_light.to_rgb_linear(frame, clip=True), frame.encoding.primaries)
+    """A source frame as linear (H, W, 3) light in BT.709; over black where it has alpha."""
+    picture = to_709(linear_light.to_rgb_linear(frame, clip=True), frame.encoding.primaries)
+    alpha = alpha_of(frame)
+    return picture if alpha is None else picture * alpha[..., None]
 
 
 def composed(source: Picture, result: Picture, layout: Layout, wipe_at: float = 0.5) -> Picture:

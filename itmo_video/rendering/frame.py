@@ -68,7 +68,7 @@ def render(
     )
     # A gain of L'max on a pixel of a single primary may exceed the range of a half.
     limit = settings.alpha is not None or not clip or 20 * context.l_max > HALF_MAX
-    alpha = _alpha(frame)
+    alpha = alpha_of(frame)
     out = reused_memory.empty((3, height, width), np.float16)  # in one piece, of large pages
     layers = {f"{name}.Y": np.empty((height, width), np.float16) for name in settings.layers}
     part, more = min(settings.strength, 1.0), max(settings.strength - 1, 0.0)
@@ -184,7 +184,7 @@ def expand(
     _write_strip(rgb, weighed(gain, [weight], base, strength), None, False, out)
 
 
-def _alpha(frame: Frame) -> Float32 | None:
+def alpha_of(frame: Frame) -> Float32 | None:
     """Alpha in [0, 1]; integer sources have unassociated alpha, so RGB is multiplied by it."""
     if not frame.encoding.has_alpha:
         return None

@@ -19,6 +19,8 @@ from PIL import Image
 from itmo_video import RunOptions, convert, make_settings, open_clip, read_exr
 from itmo_video.colour.transfer import eotf, pq_code
 from itmo_video.delivery.gain_map import GainMapMetadata, gain_map_jpeg
+from itmo_video.delivery.preview import preview
+from itmo_video.delivery.preview_options import PreviewOptions
 
 PEAK = 1000 / 203
 Picture = Any
@@ -153,6 +155,22 @@ def test_preview_writes_the_exrs_light(clip: Path, tmp_path: Path) -> None:
         channels = read_exr(tmp_path / "exr" / "c.0002.exr").channels
         truth = np.dstack([channels[name] for name in "RGB"]).astype(np.float64)
         assert psnr_pq(by_formula(path.read_bytes()), truth) > 40
+
+
+def test_a_base_with_alpha_is_over_black_as_the_hdr_picture_is(tmp_path: Path) -> None:
+    """Colours under transparent pixels are arbitrary, and were shown by SDR displays only."""
+    source, out = tmp_path / "a.png", tmp_path / "a.jpg"
+    rgba = np.full((48, 64, 4), 200, np.uint8)
+    rgba[:, :32, 3] = 0
+    rgba[:, 32:, 3] = 255
+    Image.fromarray(rgba).save(source)
+    preview(source, out)
+    base = np.asarray(Image.open(out), np.int64)
+    assert base[:, :24].max() <= 2
+    assert np.abs(base[:, 40:] - 200).max() <= 3
+    compared = tmp_path / "both.png"
+    preview(source, compared, options=PreviewOptions(view="compare", no_labels=True))
+    assert np.asarray(Image.open(compared))[:, :24].max() <= 2
 
 
 def test_of_a_folder_the_source_is_the_base(clip: Path, tmp_path: Path) -> None:
