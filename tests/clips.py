@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from fractions import Fraction
 from pathlib import Path
+from typing import Any
 
 import av
 import numpy as np
@@ -55,7 +56,7 @@ def write_film(
         stream.height, stream.width = first.shape[:2]
         stream.pix_fmt = "yuv420p"
         stream.codec_context.thread_count = 1
-        tones = [box.add_stream(codec, rate=48000, layout="mono") for codec in sound]
+        tones: list[Any] = [box.add_stream(codec, rate=48000, layout="mono") for codec in sound]
         for i, codes in enumerate((first, *others)):
             frame = av.VideoFrame.from_ndarray(codes, "rgb24").reformat(format="yuv420p", threads=1)
             frame.pts = i
@@ -75,7 +76,7 @@ def write_noise(path: Path, codec: str, count: int, *, seed: int) -> Path:
     """A film 4:2:0 of white noise, 160x96 at 25 fps: packets that fill the file evenly."""
     noise = np.random.default_rng(seed)
     with av.open(str(path), "w") as box:
-        stream = box.add_stream(codec, rate=25)
+        stream: Any = box.add_stream(codec, rate=25)
         stream.width, stream.height, stream.pix_fmt = 160, 96, "yuv420p"
         for index in range(count):
             frame = av.VideoFrame.from_ndarray(noise.integers(0, 256, (96, 160, 3), np.uint8))

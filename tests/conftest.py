@@ -12,7 +12,7 @@ from itmo_video.kernels import library
 # No test reads the config file of whoever runs it.
 os.environ["XDG_CONFIG_HOME"] = os.path.join(os.sep, "nonexistent", "itmo-video-tests")
 sys.path.insert(0, str(Path(__file__).parent))
-pytest_plugins = ["skips", "browser"]
+pytest_plugins = ["skips", "browser", "compiled_kernels"]
 
 
 @pytest.fixture(scope="module", params=["compiled", "libraries"])

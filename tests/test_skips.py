@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 import skips
+from clips import SHARED
 from command import ENVIRONMENT
 
 TESTS = {
@@ -37,6 +38,6 @@ def test_a_skip_fails_in_ci_only(tmp_path: Path, kind: str, reason: str, code: i
 
 
 def test_shared_data_is_no_excuse_where_it_is(monkeypatch: pytest.MonkeyPatch) -> None:
-    is_here = skips.SHARED.is_dir()
+    is_here = SHARED.is_dir()
     assert (skips.fault("needs ../shared") is not None) == is_here
     assert all(entry.why for entry in skips.ALLOWED)

@@ -23,7 +23,7 @@ def test_the_notebook_runs_and_its_printed_lines_hold(
     # What tornado says of its own loop on Python 3.12 and 3.13 is none of the notebook's.
     quiet = "ignore:There is no current event loop:DeprecationWarning"
     monkeypatch.setenv("PYTHONWARNINGS", f"error,{quiet}")
-    notebook = nbformat.read(NOTEBOOK, as_version=4)
+    notebook = nbformat.read(NOTEBOOK, as_version=4)  # type: ignore[no-untyped-call]  # it has no types
     stored = [printed(cell) for cell in notebook.cells]
     NotebookClient(
         notebook,

@@ -17,7 +17,7 @@ from itmo_video import RunOptions, convert, make_settings
 from itmo_video.cli.main import main
 from itmo_video.cli.option_flags import named_number
 from itmo_video.errors import InputError, UsageError
-from itmo_video.evaluation import agreement, folders, sequence
+from itmo_video.evaluation import agreement, fidelity, folders, sequence
 from itmo_video.evaluation.agreement import SDR, TEST, Display
 from itmo_video.evaluation.folders import ExrSequence, Pair, open_sequence, pair
 from itmo_video.output.converted import Converted
@@ -111,15 +111,15 @@ def test_an_agreement_by_hand() -> None:
     """Squared errors are averaged, not decibels; zones by their pixels."""
     truth, tally = np.full((16, 16), 100.0), agreement.Tally()
     for number, test in ((7, truth), (8, 2 * truth)):
-        tally.add(number, agreement.fidelity.compare(test, truth))
-    one = agreement.fidelity.pq_psnr_db(2 * truth, truth)
+        tally.add(number, fidelity.compare(test, truth))
+    one = fidelity.pq_psnr_db(2 * truth, truth)
     found = tally.agreement()
     assert found.figures["pq_psnr_db"] == pytest.approx(one + 10 * np.log10(2))
     assert found.figures["visible_share"] == 0.5
     assert found.figures["peak_stops"] == pytest.approx(0.5)
     assert found.worst["pq_psnr_db"] == agreement.Worst(8, one)
     zone = next(z for z in found.zones if z.share)
-    assert (zone.lower, zone.share, zone.mean) == (-2, 1, pytest.approx(0.5))
+    assert (zone.lower, zone.share, zone.mean) == pytest.approx((-2, 1, 0.5))
 
 
 def test_a_shot_of_any_length_holds_two_pictures() -> None:
@@ -164,7 +164,7 @@ def test_name_and_value() -> None:
 def test_known_motion_is_in_the_clips_pixels(tmp_path: Path) -> None:
     noise = np.random.default_rng(0).random((96, 300)).astype(np.float32)
     wide = cv2.GaussianBlur(noise, (0, 0), 8)
-    codes = np.uint8(255 * (wide - wide.min()) / np.ptp(wide))[..., None].repeat(3, axis=2)
+    codes = (255 * (wide - wide.min()) / np.ptp(wide)).astype(np.uint8)[..., None].repeat(3, axis=2)
     clip = write_ffv1(tmp_path / "pan.mkv", [codes[:, 8 * n : 8 * n + 192] for n in range(4)])
     settings = make_settings("paper", expand_map=False, map_width=48)
     convert(clip, tmp_path / "out", settings)

@@ -5,9 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from fractions import Fraction
 from pathlib import Path
+from typing import Any
 
 import av
 import numpy as np
+import numpy.typing as npt
 from clips import moving_scene
 
 from itmo_video.delivery.svt_av1 import svt_as_guest
@@ -116,11 +118,11 @@ def make_clip(
     encoder, extension, pixel_format, options = CODECS[name]
     width, height = SIZES.get(encoder, size)
     path = folder / f"{name}.{extension}"
-    scene: Sequence[np.ndarray] = list(
+    scene: Sequence[npt.NDArray[np.uint8]] = list(
         moving_scene(frames, width=width, height=height, cuts=(20, 45))
     )
     with av.open(str(path), "w") as box:
-        stream = box.add_stream(encoder, rate=Fraction(24), options=dict(options))
+        stream: Any = box.add_stream(encoder, rate=Fraction(24), options=dict(options))
         stream.width, stream.height, stream.pix_fmt = width, height, pixel_format
         stream.codec_context.gop_size = 12
         if encoder != "libsvtav1":

@@ -62,7 +62,7 @@ def frames(path: Path, start: int = 0) -> dict[int, int]:
             for frame in clip.frames(start):
                 check = zlib.crc32(str(frame.time_s).encode())
                 for plane in frame.planes:
-                    check = zlib.crc32(np.ascontiguousarray(plane), check)
+                    check = zlib.crc32(np.ascontiguousarray(plane).data, check)
                 found[frame.index] = check
     except ItmoError as error:
         found[-1] = error.exit_code

@@ -21,6 +21,7 @@ import tempfile
 from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
@@ -46,7 +47,7 @@ def made_stills(folder: Path) -> list[Path]:
     waves = np.dstack([128 + 100 * np.sin(x / (4 + i) + y / 6) for i in range(3)])
     picture = Image.fromarray(waves.astype(np.uint8))
     moved = [Image.fromarray(np.roll(waves, 5 * n, 1).astype(np.uint8)) for n in range(4)]
-    forms = {
+    forms: dict[str, tuple[str, dict[str, Any]]] = {
         "a.jpg": ("JPEG", {}), "progressive.jpg": ("JPEG", {"progressive": True}),
         "a.png": ("PNG", {}), "raw.tif": ("TIFF", {}), "lzw.tif": ("TIFF", {"compression":
         "tiff_lzw"}), "zip.tif": ("TIFF", {"compression": "tiff_adobe_deflate"}),
@@ -164,7 +165,8 @@ def failures(
             mutant = Path(name) / f"m{original.suffix}"
             mutant.write_bytes(data)
             outcome, errors = run_one(mutant, flats[original])
-            word = {WHOLE: "whole", REFUSED: "refused", SHORT: "short"}.get(outcome, str(outcome))
+            words: dict[int | str, str] = {WHOLE: "whole", REFUSED: "refused", SHORT: "short"}
+            word = words.get(outcome, str(outcome))
             codes[word] += 1
             if isinstance(outcome, str):
                 yield number, f"{original.name}: {outcome}", errors

@@ -9,6 +9,7 @@ import sys
 from collections.abc import Callable
 from fractions import Fraction
 from pathlib import Path
+from typing import Any
 
 import av
 import numpy as np
@@ -16,6 +17,9 @@ import pytest
 from clips import exr_bytes, moving_scene
 from command import COMMAND, ENVIRONMENT
 from PIL import Image
+
+from itmo_video.regular_file import open_regular
+from itmo_video.source import remembered
 
 sys.path.insert(0, str(Path(__file__).parent))
 
@@ -149,10 +153,14 @@ def test_a_hash_that_was_remembered_is_not_trusted_on_a_disk_that_fails(
     monkeypatch.setattr(digest, "_SETTLED_S", -1.0)
     known = digest.file_digest(clip, scanned_bytes=0)
     monkeypatch.setattr(digest, "find_fault", lambda path, start, most: ReadFault(start, "gone"))
-    monkeypatch.setattr(digest.remembered, "remember", lambda *args: None)
+    monkeypatch.setattr(remembered, "remember", lambda *args: None)
     hashed: list[Path] = []
-    whole = digest.open_regular
-    monkeypatch.setattr(digest, "open_regular", lambda path: hashed.append(path) or whole(path))
+
+    def counted(path: Path) -> Any:
+        hashed.append(path)
+        return open_regular(path)
+
+    monkeypatch.setattr(digest, "open_regular", counted)
     assert (digest.file_digest(clip), hashed) == (known, [])
     assert (digest.file_digest(clip, scanned_bytes=7), hashed) == (known, [clip])
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import shutil
 from pathlib import Path
+from typing import Any
 
 import cv2
 import pytest
@@ -14,11 +15,12 @@ from itmo_video import DamagedInputError, RunOptions, convert, make_settings, op
 from itmo_video.cli.main import main
 from itmo_video.events import FrameDone
 from itmo_video.look import make_look
+from itmo_video.regular_file import open_regular
 from itmo_video.rendering.spans import frames_in_flight
 from itmo_video.source import digest, remembered
 from itmo_video.source.digest import SourceFiles, content_digest, file_digest
 
-QUICK = {"compression": "none", "lights": 16}
+QUICK: dict[str, Any] = {"compression": "none", "lights": 16}
 
 
 @pytest.fixture(autouse=True)
@@ -70,8 +72,12 @@ def test_remembered_until_anything_of_the_file_changes(
     assert len(list(cache.rglob("*.json"))) == 1
 
     read: list[object] = []
-    whole = digest.open_regular
-    monkeypatch.setattr(digest, "open_regular", lambda p: read.append(p) or whole(p))
+
+    def counted(p: Path) -> Any:
+        read.append(p)
+        return open_regular(p)
+
+    monkeypatch.setattr(digest, "open_regular", counted)
     assert (file_digest(path), read) == (first, []), "it is not remembered"
     times = path.stat()
     path.write_bytes(b"b" * 1000)

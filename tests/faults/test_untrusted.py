@@ -22,13 +22,20 @@ from itmo_video.regular_file import read_regular
 from itmo_video.untrusted import parse_json, parse_rational, read_json, read_toml
 
 FAULTS = SHARED / "data/fault_files"
+
+
+def terabytes(path: Path) -> None:
+    path.touch()
+    os.truncate(path, 1 << 42)
+
+
 HOSTILE: dict[str, Callable[[Path], object]] = {
     "fifo": lambda path: os.mkfifo(path),
     "zero": lambda path: path.symlink_to("/dev/zero"),
     "null": lambda path: path.symlink_to("/dev/null"),
     "folder": lambda path: path.mkdir(),
     "loop": lambda path: path.symlink_to(path.name),
-    "terabytes": lambda path: (path.touch(), os.truncate(path, 1 << 42)),
+    "terabytes": terabytes,
     "deep": lambda path: path.write_text("[" * 100_000),
     "deep tables": lambda path: path.write_text('{"a":' * 100_000),
     "noise": lambda path: path.write_bytes(os.urandom(999)),

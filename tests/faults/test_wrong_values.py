@@ -19,20 +19,16 @@ from itmo_video import (
     RunOptions,
     Settings,
     UsageError,
-    analyse,
     convert,
-    evaluate,
     expand,
-    expand_frames,
     make_settings,
     open_clip,
     open_result,
-    preview,
-    read_analysis,
-    report,
 )
 from itmo_video.cli.main import main
 from itmo_video.look import make_look
+
+lib: Any = itmo_video  # called with values of other types
 
 
 @pytest.fixture(scope="module")
@@ -90,41 +86,50 @@ def test_a_pattern_that_no_shell_filled_in(
 @pytest.mark.parametrize(
     ("call", "told"),
     [
-        (lambda c, o: convert(c, o, {"peak_nits": 600}), "settings must be Settings or a preset"),
-        (lambda c, o: convert(c, o, "papyrus"), "unknown preset"),
-        (lambda c, o: convert(c, o, None, {"jobs": 1}), "run must be RunOptions, not dict"),
-        (lambda c, o: convert(None, o), "source must be a path, not NoneType"),
-        (lambda c, o: convert(c, None), "output must be a path"),
-        (lambda c, o: convert(bytes(c), o), "source must be a path, not bytes"),
-        (lambda c, o: preview(None, o / "a.mp4"), "source must be a path"),
-        (lambda c, o: preview(c, None), "output must be a path"),
-        (lambda c, o: preview(c, o / "a.mp4", options={}), "options must be PreviewOptions"),
-        (lambda c, o: preview(c, o / "a.mp4", run=RunOptions), "run must be RunOptions"),
-        (lambda c, o: analyse(None), "source must be a path"),
-        (lambda c, o: analyse(c, 7), "settings must be Settings"),
-        (lambda c, o: report(None), "folder must be a path"),
-        (lambda c, o: report(o, "x"), "options must be ReportOptions"),
-        (lambda c, o: evaluate(o, ReportOptions()), "options must be EvaluateOptions"),
-        (lambda c, o: evaluate(o, None), "source"),
-        (lambda c, o: evaluate(None, EvaluateOptions(source=c)), "test must be a path"),
-        (lambda c, o: open_clip(None), "path must be a path"),
-        (lambda c, o: open_result(3), "folder must be a path"),
-        (lambda c, o: read_analysis(None), "path must be a path"),
-        (lambda c, o: expand(None), "not a picture"),
-        (lambda c, o: expand(np.zeros((8, 8, 3), np.uint8), Settings), "settings must be"),
-        (lambda c, o: expand(np.zeros((8, 8, 3), np.uint8), bit_depth=0), "0 bits"),
-        (lambda c, o: expand(np.zeros((8, 8, 3), np.uint8), bit_depth=True), "whole number"),
-        (lambda c, o: expand(np.zeros((8, 8, 3), np.uint8), bit_depth="8"), "whole number"),
-        (lambda c, o: list(expand_frames(None)), "a series of arrays"),
+        (
+            lambda c, o: lib.convert(c, o, {"peak_nits": 600}),
+            "settings must be Settings or a preset",
+        ),
+        (lambda c, o: lib.convert(c, o, "papyrus"), "unknown preset"),
+        (lambda c, o: lib.convert(c, o, None, {"jobs": 1}), "run must be RunOptions, not dict"),
+        (lambda c, o: lib.convert(None, o), "source must be a path, not NoneType"),
+        (lambda c, o: lib.convert(c, None), "output must be a path"),
+        (lambda c, o: lib.convert(bytes(c), o), "source must be a path, not bytes"),
+        (lambda c, o: lib.preview(None, o / "a.mp4"), "source must be a path"),
+        (lambda c, o: lib.preview(c, None), "output must be a path"),
+        (
+            lambda c, o: lib.preview(c, o / "a.mp4", options={}),
+            "options must be PreviewOptions",
+        ),
+        (lambda c, o: lib.preview(c, o / "a.mp4", run=RunOptions), "run must be RunOptions"),
+        (lambda c, o: lib.analyse(None), "source must be a path"),
+        (lambda c, o: lib.analyse(c, 7), "settings must be Settings"),
+        (lambda c, o: lib.report(None), "folder must be a path"),
+        (lambda c, o: lib.report(o, "x"), "options must be ReportOptions"),
+        (lambda c, o: lib.evaluate(o, ReportOptions()), "options must be EvaluateOptions"),
+        (lambda c, o: lib.evaluate(o, None), "source"),
+        (lambda c, o: lib.evaluate(None, EvaluateOptions(source=c)), "test must be a path"),
+        (lambda c, o: lib.open_clip(None), "path must be a path"),
+        (lambda c, o: lib.open_result(3), "folder must be a path"),
+        (lambda c, o: lib.read_analysis(None), "path must be a path"),
+        (lambda c, o: lib.expand(None), "not a picture"),
+        (lambda c, o: lib.expand(np.zeros((8, 8, 3), np.uint8), Settings), "settings must be"),
+        (lambda c, o: lib.expand(np.zeros((8, 8, 3), np.uint8), bit_depth=0), "0 bits"),
+        (
+            lambda c, o: lib.expand(np.zeros((8, 8, 3), np.uint8), bit_depth=True),
+            "whole number",
+        ),
+        (lambda c, o: lib.expand(np.zeros((8, 8, 3), np.uint8), bit_depth="8"), "whole number"),
+        (lambda c, o: list(lib.expand_frames(None)), "a series of arrays"),
         (
             lambda c, o: list(
-                expand_frames([np.zeros((8, 8, 3), np.uint8), np.zeros((8, 8, 3), np.float32)])
+                lib.expand_frames([np.zeros((8, 8, 3), np.uint8), np.zeros((8, 8, 3), np.float32)])
             ),
             "is float32, but the first is uint8",
         ),
         (
             lambda c, o: list(
-                expand_frames([np.zeros((8, 8, 3), np.uint16), np.zeros((8, 8, 3), np.uint8)])
+                lib.expand_frames([np.zeros((8, 8, 3), np.uint16), np.zeros((8, 8, 3), np.uint8)])
             ),
             "is uint8, but the first is uint16",
         ),

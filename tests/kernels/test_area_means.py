@@ -6,12 +6,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from compiled_kernels import loaded, needs_kernels
 
 from itmo_video.colour.analysis_picture import averaged
 from itmo_video.kernels import compiled_area, library
 
-loaded = library.library()
-compiled = pytest.mark.skipif(loaded is None, reason="installed without a C compiler")
 SIZES = [  # from (height, width) to (width, height)
     ((540, 960), (512, 288)),
     ((360, 640), (512, 288)),
@@ -25,7 +24,7 @@ SIZES = [  # from (height, width) to (width, height)
 ]
 
 
-@compiled
+@needs_kernels
 @pytest.mark.parametrize("kind", [np.uint8, np.uint16, np.float32])
 @pytest.mark.parametrize(("shape", "size"), SIZES, ids=str)
 def test_bytes_are_opencvs(
@@ -40,14 +39,14 @@ def test_bytes_are_opencvs(
     assert ours.shape == size[::-1]
 
 
-@compiled
+@needs_kernels
 def test_a_mean_lies_within_its_plane() -> None:
     assert np.array_equal(
         np.unique(averaged(np.full((540, 960), 211, np.uint8), (512, 288))), [211]
     )
 
 
-@compiled
+@needs_kernels
 def test_larger_sizes_raise() -> None:
     assert loaded is not None
     with pytest.raises(ValueError, match="averaged"):

@@ -13,14 +13,13 @@ import hypothesis.strategies as st
 import numpy as np
 import numpy.typing as npt
 import pytest
+from compiled_kernels import loaded, needs_kernels
 from hypothesis import given
 
-from itmo_video.kernels import library
 from itmo_video.kernels.compiled import pack_literals
 from itmo_video.kernels.compiled_light import CodesToLight, ycbcr_rows
 
-loaded = library.library()
-pytestmark = pytest.mark.skipif(loaded is None, reason="installed without a C compiler")
+pytestmark = needs_kernels
 Bytes = npt.NDArray[np.uint8]
 
 

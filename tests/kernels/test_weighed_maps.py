@@ -4,16 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from compiled_kernels import loaded, needs_kernels
 
 from itmo_video.kernels import compiled_maps, library
 from itmo_video.motion import flow
 
-loaded = library.library()
-compiled = pytest.mark.skipif(loaded is None, reason="installed without a C compiler")
 SHAPES = [(9, 70), (9, 70, 1), (9, 70, 3), (9, 70, 4)]
 
 
-@compiled
+@needs_kernels
 @pytest.mark.parametrize("shape", SHAPES, ids=str)
 def test_sums_to_the_bit(shape: tuple[int, ...], monkeypatch: pytest.MonkeyPatch) -> None:
     rng = np.random.default_rng(7)
@@ -32,7 +31,7 @@ def test_sums_to_the_bit(shape: tuple[int, ...], monkeypatch: pytest.MonkeyPatch
     np.testing.assert_allclose(found[0][1], left + (right - left) * spread, rtol=1e-5)
 
 
-@compiled
+@needs_kernels
 def test_weights_of_another_size_raise() -> None:
     assert loaded is not None
     maps = np.zeros((9, 70, 3), np.float32)

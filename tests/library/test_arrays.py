@@ -10,6 +10,7 @@ from typing import Any
 
 import cv2
 import numpy as np
+import numpy.typing as npt
 import pytest
 from clips import moving_scene, write_ffv1
 
@@ -119,7 +120,7 @@ def test_primaries_are_those_of_the_picture() -> None:
 
 def test_what_is_no_sdr_picture_is_refused_in_words() -> None:
     ok = np.zeros((4, 4, 3), np.float32)
-    for wrong, error, words in [
+    cases: list[tuple[npt.NDArray[Any], type[Exception], str]] = [
         (np.zeros((4, 4), np.uint8), UsageError, r"\(4, 4\) is not a picture"),
         (np.zeros((4, 4, 4), np.uint8), UsageError, "height, width, 3"),
         (np.zeros((0, 4, 3), np.uint8), UsageError, "is not a picture"),
@@ -127,7 +128,8 @@ def test_what_is_no_sdr_picture_is_refused_in_words() -> None:
         (ok + np.float32(1.5), AlreadyHdrError, "1.5 times SDR white"),
         (ok - np.float32(0.1), UsageError, "negative light, -0.1"),
         (ok + np.float32("nan"), UsageError, "not finite"),
-    ]:
+    ]
+    for wrong, error, words in cases:
         with pytest.raises(error, match=words):
             expand(wrong)
     with pytest.raises(UsageError, match="highest code is 1024"):

@@ -16,9 +16,10 @@ from clips import moving_scene, write_ffv1
 
 from itmo_video import convert, make_settings
 from itmo_video.cli.main import main
-from itmo_video.conversion.plan import RunOptions
+from itmo_video.conversion.run_options import RunOptions
 from itmo_video.delivery import svt_av1
-from itmo_video.delivery.preview import PreviewOptions, preview
+from itmo_video.delivery.preview import preview
+from itmo_video.delivery.preview_options import PreviewOptions
 from itmo_video.delivery.svt_av1 import svt_as_guest
 from itmo_video.rendering.opencv_threads import single_opencv_thread
 
@@ -37,7 +38,8 @@ PROGRAM = """
 import os, sys
 import cv2
 from itmo_video import convert
-from itmo_video.delivery.preview import PreviewOptions, preview
+from itmo_video.delivery.preview import preview
+from itmo_video.delivery.preview_options import PreviewOptions
 
 clip, folder = sys.argv[1:]
 cv2.setNumThreads(3)

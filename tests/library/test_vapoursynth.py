@@ -83,7 +83,7 @@ def test_frames_in_any_order_are_those_of_convert(
     convert(film, tmp_path / "out", make_settings(preset, **own))
     result = open_result(tmp_path / "out")
     # Grey films are full range unless they are tagged, VapourSynth's grey is not.
-    asked_for = {"_Range": 1} if pixel_format == "gray" else {}
+    asked_for: dict[str, Any] = {"_Range": 1} if pixel_format == "gray" else {}
     node = expand(node_of(film, **asked_for), preset, jobs=2, **own)
     assert (node.format.id, node.num_frames) == (vs.RGBS, 24)
     order = [*range(24), *random.Random(7).sample(range(24), 8)]
@@ -104,7 +104,7 @@ def test_a_frame_asks_for_a_bounded_window(tmp_path: Path) -> None:
 
 def test_properties_say_how_codes_are_read(tmp_path: Path) -> None:
     film = film_of(tmp_path / "film.mkv")
-    own = {"matrix": "bt601", "range": "full", "transfer": "srgb"}
+    own: dict[str, Any] = {"matrix": "bt601", "range": "full", "transfer": "srgb"}
     by_settings = expand(node_of(film), **own)
     tagged = expand(node_of(film, _Matrix=6, _Transfer=13, _Range=1))
     np.testing.assert_array_equal(picture(tagged, 1), picture(by_settings, 1))

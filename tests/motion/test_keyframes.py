@@ -72,7 +72,7 @@ def test_every_frame_gets_the_keys_around_it_whatever_the_smoothing() -> None:
 
         def make_map(a: Analysed, made: list[int] = made) -> Float32:
             made.append(a.index)
-            return a.grey.astype(np.float32) / 255
+            return a.grey.astype(np.float32) / np.float32(255)
 
         out = all_spans(frames, make_map, smooth)
         rendered = [a.index for span in out for a in span.frames]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import cv2
 import numpy as np
+import numpy.typing as npt
 
 from itmo_video.model import Code
 from itmo_video.motion.flow import camera_motion_px, flow_px
@@ -11,7 +12,7 @@ from itmo_video.motion.flow import camera_motion_px, flow_px
 HEIGHT, WIDTH = 144, 256
 
 
-def textured(height: int, width: int, seed: int) -> Code:
+def textured(height: int, width: int, seed: int) -> npt.NDArray[np.uint8]:
     noise = np.random.default_rng(seed).random((height, width), np.float32)
     soft = cv2.GaussianBlur(noise, (0, 0), 3)
     return np.asarray(255 * (soft - soft.min()) / np.ptp(soft), np.uint8)

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+import numpy.typing as npt
 import pytest
 from clips import SHARED, write_ffv1
 from hypothesis import given
@@ -16,6 +17,7 @@ from hypothesis import strategies as st
 
 from itmo_video import convert, make_settings
 from itmo_video.evaluation.fidelity import pq_psnr_db
+from itmo_video.model import Float32
 from itmo_video.operators import auto, auto_clipping, auto_levels, auto_rendering
 from itmo_video.operators.base import Context
 from itmo_video.output.exr import read_exr
@@ -63,7 +65,12 @@ def test_srgb_codes_at_published_values() -> None:
     assert np.allclose(auto_levels.srgb_codes(light), want, atol=2e-4)
 
 
-def gain_of(rgb, maps=(), context=DISPLAY, ratio=None):
+def gain_of(
+    rgb: npt.ArrayLike,
+    maps: npt.ArrayLike = (),
+    context: Context = DISPLAY,
+    ratio: Float32 | None = None,
+) -> Float32:
     """gain_auto of pixels (n, 3) among their like, maps (n, 4): (n, 3)."""
     planes, parts = (
         [np.repeat(np.asarray(part, np.float32)[None], 3, 1) for part in np.asarray(values).T]
@@ -220,6 +227,7 @@ def test_truth_on_scenes_that_the_fit_has_not_seen(tmp_path: Path) -> None:
     gains_db = {}
     for name in ("apartment", "CS_Warwick", "park", "sunset"):
         bgr = cv2.imread(str(SHARED / f"data/panoramas/{name}.hdr"), cv2.IMREAD_UNCHANGED)
+        assert bgr is not None
         truth = bgr[109:379, 163:643, ::-1].astype(np.float64)
         truth /= np.percentile(truth @ BT709, 94)
         codes = np.rint(255 * auto_levels.srgb_codes(np.clip(truth, 0, 1).astype(np.float32)))

@@ -6,24 +6,29 @@ are in u'v' of CIE 1976.
 
 from __future__ import annotations
 
+from typing import Any
+
 import cv2
 import numpy as np
+import numpy.typing as npt
 import pytest
 
 from itmo_video.operators import auto, auto_parting
 from itmo_video.operators.base import Context
 
+Picture = npt.NDArray[Any]
+
 PEAK = 1000 / 203
 XYZ = np.array([[0.4124, 0.3576, 0.1805], [0.2126, 0.7152, 0.0722], [0.0193, 0.1192, 0.9505]])
 
 
-def uv(rgb: np.ndarray) -> np.ndarray:
+def uv(rgb: Picture) -> Picture:
     """CIE 1976 u'v' of linear BT.709: (H, W, 2)."""
     x, y, z = np.moveaxis(rgb @ XYZ.T, -1, 0)
-    return np.stack([4 * x, 9 * y], -1) / (x + 15 * y + 3 * z + 1e-6)[..., None]
+    return np.asarray(np.stack([4 * x, 9 * y], -1) / (x + 15 * y + 3 * z + 1e-6)[..., None])
 
 
-def coded(light: np.ndarray, seed: int, noise: float) -> np.ndarray:
+def coded(light: Picture, seed: int, noise: float) -> Picture:
     """Light as 8 bits hold it, with each channel's own noise, halved in chroma as video's is."""
     rng = np.random.default_rng(seed)
     height, width = light.shape[:2]
@@ -31,46 +36,46 @@ def coded(light: np.ndarray, seed: int, noise: float) -> np.ndarray:
     small = rng.normal(0, noise, (height // 2, width // 2, 3)).astype(np.float32)
     chroma = cv2.resize(small, (width, height), interpolation=cv2.INTER_NEAREST)
     code = np.clip(light, 0, 1) ** (1 / 2.4) + luma + chroma
-    return ((np.rint(255 * np.clip(code, 0, 1)) / 255) ** 2.4).astype(np.float32)
+    return np.asarray(((np.rint(255 * np.clip(code, 0, 1)) / 255) ** 2.4).astype(np.float32))
 
 
-def expanded(picture: np.ndarray, hue: str = "restore") -> np.ndarray:
+def expanded(picture: Picture, hue: str = "restore") -> Picture:
     """The picture by its own maps: (H, W, 3)."""
     context = Context(PEAK, PEAK, hue=hue)
     maps = [
         np.ascontiguousarray(part) for part in np.moveaxis(auto.map_auto(picture, context), -1, 0)
     ]
     planes = [np.ascontiguousarray(plane) for plane in np.moveaxis(picture, -1, 0)]
-    return picture * np.dstack(auto.gain_auto(planes, None, maps, context))
+    return np.asarray(picture * np.dstack(auto.gain_auto(planes, None, maps, context)))
 
 
-def specks(picture: np.ndarray, result: np.ndarray) -> np.ndarray:
+def specks(picture: Picture, result: Picture) -> Picture:
     """How far each pixel's hue moved apart from how those around it did."""
     move = (uv(result) - uv(picture)).astype(np.float32)
     around = np.dstack([cv2.medianBlur(np.ascontiguousarray(move[..., i]), 5) for i in (0, 1)])
-    return np.hypot(*np.moveaxis(move - around, -1, 0))
+    return np.asarray(np.hypot(*np.moveaxis(move - around, -1, 0)))
 
 
-def new_edges(picture: np.ndarray, result: np.ndarray) -> np.ndarray:
+def new_edges(picture: Picture, result: Picture) -> Picture:
     """Steps of hue from pixel to pixel beyond the picture's own, along rows."""
     before, after = (
         np.hypot(*np.moveaxis(np.diff(uv(p), axis=1), -1, 0)) for p in (picture, result)
     )
-    return np.maximum(after - 1.5 * before, 0)
+    return np.asarray(np.maximum(after - 1.5 * before, 0))
 
 
-def lamp() -> np.ndarray:
+def lamp() -> Picture:
     """A warm street lamp on a bright wall: its core clips, green and blue here and there."""
     y, x = np.mgrid[0:96, 0:160]
     away = np.hypot(y - 48, x - 80)
     light = 0.05 + 1.05 / (1 + np.exp((away - 12) / 1.5)) + 0.25 * np.exp(-away / 25)
-    return light[..., None] * np.array([1.1, 0.85, 0.68])
+    return np.asarray(light[..., None] * np.array([1.1, 0.85, 0.68]))
 
 
-def sky() -> np.ndarray:
+def sky() -> Picture:
     """A plain blue sky that brightens to the right until its blue clips."""
     bright = np.linspace(0.8, 1.25, 160)[None, :, None] * np.ones((96, 1, 1))
-    return bright * np.array([0.72, 0.8, 1.0])
+    return np.asarray(bright * np.array([0.72, 0.8, 1.0]))
 
 
 @pytest.mark.parametrize("seed", [0, 1])
@@ -161,10 +166,10 @@ def test_a_saturated_colour_may_part_further_and_two_clipped_channels_are_free()
         assert np.allclose(bounded[..., 0] - bounded[..., 2], parted_stops, atol=1e-3), colour
 
 
-def wall(bright: float) -> np.ndarray:
+def wall(bright: float) -> Picture:
     """A bluish wall of two bright halves, the right one `bright` times the left one."""
     light = np.where(np.arange(160) < 80, 0.55, 0.55 * bright)[None, :, None]
-    return (light * np.array([0.76, 0.84, 1.0]) * np.ones((96, 1, 1))).astype(np.float32)
+    return np.asarray(light * np.array([0.76, 0.84, 1.0]) * np.ones((96, 1, 1)), np.float32)
 
 
 def test_a_lost_colour_is_what_did_not_clip_around_has_more_of() -> None:

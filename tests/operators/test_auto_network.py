@@ -5,13 +5,11 @@ from __future__ import annotations
 import cv2
 import numpy as np
 import pytest
+from compiled_kernels import loaded, needs_kernels
 
 from itmo_video.kernels import compiled_network, library
 from itmo_video.operators import auto_network
 from itmo_video.operators.auto_levels import features
-
-loaded = library.library()
-compiled = pytest.mark.skipif(loaded is None, reason="installed without a C compiler")
 
 
 def _features(height: int, width: int) -> np.ndarray:
@@ -20,7 +18,7 @@ def _features(height: int, width: int) -> np.ndarray:
     return features(np.clip((soft - soft.min()) / np.ptp(soft) * np.float32(1.3), 0, 1), height)
 
 
-@compiled
+@needs_kernels
 @pytest.mark.parametrize(("height", "width"), [(32, 32), (32, 96), (64, 32), (160, 256)])
 def test_forms_agree(height: int, width: int, monkeypatch: pytest.MonkeyPatch) -> None:
     given = _features(height, width)
@@ -32,7 +30,7 @@ def test_forms_agree(height: int, width: int, monkeypatch: pytest.MonkeyPatch) -
     np.testing.assert_allclose(ours, theirs, rtol=0, atol=3e-5)
 
 
-@compiled
+@needs_kernels
 def test_a_result_depends_on_nothing_before() -> None:
     given = _features(64, 96)
     first = auto_network.network_shares(given)
@@ -40,7 +38,7 @@ def test_a_result_depends_on_nothing_before() -> None:
     assert np.array_equal(first, auto_network.network_shares(given))
 
 
-@compiled
+@needs_kernels
 def test_other_features_and_weights_raise() -> None:
     assert loaded is not None
     weights = auto_network._packed(loaded)

@@ -10,6 +10,7 @@ import pytest
 
 from itmo_video.colour.luminance import greatest_of
 from itmo_video.kernels import compiled_near_white, library
+from itmo_video.model import Float32
 from itmo_video.operators import auto_clipping, auto_levels, auto_parting, auto_rendering
 
 loaded = library.library()
@@ -64,11 +65,12 @@ def test_pictures_of_other_sizes_raise() -> None:
 @pytest.mark.parametrize("shares", [(0.0, 1.0), (0.1, 0.5, 0.999)], ids=str)
 def test_quantiles_are_numpys(shares: tuple[float, ...]) -> None:
     rng = np.random.default_rng(4)
-    for values in (
+    cases: list[Float32] = [
         rng.random((40, 50), np.float32),
-        np.rint(rng.random((9, 31), np.float32) * 20) / np.float32(20),
+        np.asarray(np.rint(rng.random((9, 31), np.float32) * 20) / np.float32(20), np.float32),
         np.full((3, 3), -0.0, np.float32),
         np.array([[0.25]], np.float32),
-    ):
+    ]
+    for values in cases:
         found = auto_rendering._quantiles(values, shares)
         np.testing.assert_allclose(found, np.quantile(values, shares), rtol=1e-7)

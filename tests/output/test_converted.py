@@ -18,7 +18,7 @@ from clips import moving_scene, write_ffv1
 
 from itmo_video import analyse, convert, make_settings
 from itmo_video.cli.main import main
-from itmo_video.conversion.plan import RunOptions
+from itmo_video.conversion.run_options import RunOptions
 from itmo_video.delivery import sdr
 from itmo_video.delivery.from_folder import from_folder
 from itmo_video.delivery.hdr import Light

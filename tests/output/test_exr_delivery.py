@@ -162,8 +162,7 @@ def test_nuke_and_ocio_side_files(clip: Path, tmp_path: Path) -> None:
 
 
 def test_a_usd_dome_light_opens_with_usd(clip: Path, tmp_path: Path) -> None:
-    pxr = pytest.importorskip("pxr", reason="usd-core is not installed")
-    del pxr
+    pytest.importorskip("pxr", reason="usd-core is not installed")
     from pxr import Usd, UsdLux
 
     done = converted(clip, tmp_path / "o", "--side-files", "usd", "--projection", "latlong")

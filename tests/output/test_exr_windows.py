@@ -4,24 +4,29 @@ from __future__ import annotations
 
 import struct
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 import OpenEXR
 import pytest
 
 from itmo_video.errors import InputError
 from itmo_video.evaluation.agreement import Display, compare_sequences
 from itmo_video.evaluation.folders import read_rgb
+from itmo_video.model import Half
 from itmo_video.output.exr import read_exr
 
+Window = tuple[npt.NDArray[np.int32], npt.NDArray[np.int32]]
 
-def picture(height: int = 12, width: int = 20) -> np.ndarray:
+
+def picture(height: int = 12, width: int = 20) -> Half:
     y, x = np.mgrid[:height, :width]
     return np.dstack([x / width, y / height, 0.5 + 0 * x]).astype(np.float16)
 
 
-def write(path: Path, rgb: np.ndarray, data=None, display=None) -> Path:
-    header = {"type": OpenEXR.scanlineimage, "compression": OpenEXR.ZIP_COMPRESSION}
+def write(path: Path, rgb: Half, data: Window | None = None, display: Window | None = None) -> Path:
+    header: dict[str, Any] = {"type": OpenEXR.scanlineimage, "compression": OpenEXR.ZIP_COMPRESSION}
     if data is not None:
         header["dataWindow"] = data
     if display is not None:
@@ -30,13 +35,15 @@ def write(path: Path, rgb: np.ndarray, data=None, display=None) -> Path:
     return path
 
 
-def window(left: int, top: int, right: int, bottom: int):
+def window(left: int, top: int, right: int, bottom: int) -> Window:
     return (np.array([left, top], np.int32), np.array([right, bottom], np.int32))
 
 
 @pytest.mark.parametrize("data", [(0, 0, 19, 11), (3, 2, 16, 9), (-2, -3, 25, 14), (5, -1, 30, 6),
     (-9, -9, -3, -3)])  # fmt: skip
-def test_the_data_window_is_placed_in_the_display_window(tmp_path: Path, data) -> None:
+def test_the_data_window_is_placed_in_the_display_window(
+    tmp_path: Path, data: tuple[int, int, int, int]
+) -> None:
     left, top, right, bottom = data
     big = picture(40, 60)
     shot = big[top + 10 : bottom + 11, left + 10 : right + 11]

@@ -8,18 +8,16 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import pytest
+from compiled_kernels import loaded, needs_kernels
 
 from itmo_video import make_settings
 from itmo_video.colour.analysis_picture import analysis_guide
-from itmo_video.kernels import library
 from itmo_video.look import context_of, make_look
 from itmo_video.model import Encoding, Frame
 from itmo_video.operators.protocol import WritesHalves
 from itmo_video.rendering.guidance import Guidance
 from itmo_video.rendering.rows import expand_in_steps, expand_rows
 
-loaded = library.library()
-compiled = pytest.mark.skipif(loaded is None, reason="installed without a C compiler")
 # (chroma's factors across and down, its siting, bits of a code, range)
 KINDS: list[tuple[tuple[int, int], Any, int, Any]] = [
     ((2, 2), "left", 8, "limited"),
@@ -36,11 +34,11 @@ def picture(size: tuple[int, int], kind: tuple[tuple[int, int], Any, int, Any]) 
     (across, down), siting, bits, range_ = kind
     height, width = size
     rng = np.random.default_rng(3)
-    dtype = np.uint8 if bits == 8 else np.uint16
-    luma = rng.integers(0, 2**bits, size).astype(dtype)
+    dtype: Any = np.uint8 if bits == 8 else np.uint16
+    luma: Any = rng.integers(0, 2**bits, size).astype(dtype)
     luma[: height // 3] //= 4
     luma[-height // 3 :] = (0.9 * 2**bits + luma[-height // 3 :] / 16).astype(dtype)
-    chroma = [
+    chroma: list[Any] = [
         rng.integers(0.4 * 2**bits, 0.6 * 2**bits, (-(-height // down), -(-width // across)))
         for _ in range(2)
     ]
@@ -67,7 +65,7 @@ def both(frame: Frame, maps: npt.NDArray[np.float32] | None, strength: float, **
         assert np.array_equal(*out.view(np.uint16))
 
 
-@compiled
+@needs_kernels
 @pytest.mark.parametrize("size", SIZES, ids=str)
 @pytest.mark.parametrize("kind", KINDS, ids=str)
 @pytest.mark.parametrize("zero", [(), (0,), (3,), (0, 1, 2), (0, 1, 2, 3)], ids=str)
@@ -82,12 +80,12 @@ def test_one_pass_gives_the_bytes_of_its_steps(
         both(frame, maps, strength, hue=hue)
 
 
-@compiled
+@needs_kernels
 def test_without_maps_all_that_clips_goes_to_the_peak() -> None:
     both(picture((70, 128), KINDS[0]), None, 1.0)
 
 
-@compiled
+@needs_kernels
 def test_halves_by_the_processor_are_those_by_integers() -> None:
     """Every 997th float of both signs, and those around what a half can hold."""
     bits = np.arange(0, 0x7F800000, 997, dtype=np.uint32)

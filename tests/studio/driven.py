@@ -50,7 +50,7 @@ class Page:
     ) -> None:  # fmt: skip
         """Open it; `beside` another page in the same browser, or in one of its own."""
         view = {"width": width, "height": height}
-        self.context = beside.context if beside else browser.new_context(viewport=view)
+        self.context: Any = beside.context if beside else browser.new_context(viewport=view)
         self.tab = self.context.new_page()
         self.tab.set_default_timeout(PATIENCE_S * 1e3)
         self.told: list[str] = []

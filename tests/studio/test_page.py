@@ -21,7 +21,7 @@ REAL = SHARED / "data" / "clips" / "cvvdp_ferris-ref.mp4"
 
 def check_probe(page: Page, exr: Path) -> None:
     channels = read_exr(exr).channels
-    luminance = sum(w * channels[c].astype(np.float64) for c, w in zip("RGB", WEIGHTS, strict=True))
+    luminance = np.stack([channels[c].astype(np.float64) for c in "RGB"], -1) @ WEIGHTS
     for x, y in PLACES:
         column, row, nits = page.probe(x, y)
         assert nits == pytest.approx(203 * luminance[row, column], rel=0.03, abs=0.02), (x, y)

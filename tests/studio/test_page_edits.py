@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tomllib
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -95,11 +96,15 @@ def test_keys_in_fields(browser: Any, address: str, tmp_path: Path) -> None:
     # Nothing is saved without what was typed, if that is refused, by the page or by the studio
     saves: list[str] = []
     tab.on("request", lambda r: saves.append(r.url) if "api/save" in r.url else None)
+
+    def is_told(why: str) -> bool:
+        return why in tab.inner_text("#status")
+
     for value, why in (("5000000", "1000000"), ("150", "below")):
         field.fill(value)
         tab.keyboard.press("Control+s")
         tab.wait_for_selector("#status.error")
-        page.until(lambda why=why: why in tab.inner_text("#status"), "it is not told")
+        page.until(partial(is_told, why), "it is not told")
     field.fill("800")
     tab.keyboard.press("Control+s")
     page.until(lambda: ".json" in tab.inner_text("#status"), "it is not saved")

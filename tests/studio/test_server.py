@@ -2,56 +2,28 @@
 
 from __future__ import annotations
 
-import errno
 import json
 import os
 import shutil
-import signal
 import threading
 import time
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from clips import moving_scene, write_ffv1
+from served import BASE, JSON, PORT, TOKEN
 from starlette.testclient import TestClient
 
 from itmo_video import make_settings
 from itmo_video.analysis.analyse import analyse
 from itmo_video.conversion.convert import convert
 from itmo_video.conversion.run_options import RunOptions
-from itmo_video.errors import OutputError, UsageError
-from itmo_video.output.atomic import output_error
 from itmo_video.output.exr import read_exr
-from itmo_video.output.gate import Gate
 from itmo_video.studio.desk import Desk
-from itmo_video.studio.document import OF_OPENING, Document, set_values
-from itmo_video.studio.latest import Latest
-from itmo_video.studio.running import for_page
+from itmo_video.studio.document import OF_OPENING, Document
 from itmo_video.studio.server import make_app
-from itmo_video.studio.session import StaleError
-
-TOKEN, PORT = "s3cret", 4711
-BASE = f"http://127.0.0.1:{PORT}"
-
-
-@pytest.fixture(scope="module")
-def clip(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    path = tmp_path_factory.mktemp("studio") / "scene.mkv"
-    return write_ffv1(path, moving_scene(14, width=96, height=64, cuts=(8,)))
-
-
-@pytest.fixture
-def desk(clip: Path, tmp_path: Path) -> Iterator[Desk]:
-    with Desk(clip, Document("default"), tmp_path) as opened:
-        yield opened
-
-
-@pytest.fixture
-def client(desk: Desk) -> TestClient:
-    return TestClient(make_app(desk, TOKEN, PORT), base_url=f"{BASE}/{TOKEN}/")
 
 
 def picture(client: TestClient, **asked: Any) -> np.ndarray[Any, Any]:
@@ -206,7 +178,6 @@ def test_errors_are_told(client: TestClient) -> None:
     assert client.post("api/edit", content=b"[" * 9, headers=JSON).status_code == 422
 
 
-JSON = {"content-type": "application/json"}
 TOLD = ("split", "merge", "enable")
 ODD: tuple[Any, ...] = (
     True, -1, 1.5, 1e308, 10**30, float("nan"), "", "x", "\ud800", "\0", "x.toml", [], [1],
@@ -307,169 +278,3 @@ def test_sdr_pictures_say_what_they_are_made_by(client: TestClient) -> None:
         answer = client.get(f"api/picture?index={index}&part=sdr")
         assert answer.headers["x-made-by"] == key(clip, shot)
     assert client.get("api/picture?index=0").headers["x-made-by"] == str(clip["version"])
-
-
-def test_strangers_are_refused(desk: Desk) -> None:
-    client = TestClient(make_app(desk, TOKEN, PORT), base_url=BASE)
-    good = f"/{TOKEN}/api/state"
-    assert client.get(good).status_code == 200
-    for path in ("/", "/api/state", "/wrong/api/state", f"/{TOKEN}", "/s3cre/api/state", "//"):
-        assert client.get(path).status_code == 403, path
-    for host in ("evil.example", "evil.example:4711", "127.0.0.1", "127.0.0.1:80", ""):
-        assert client.get(good, headers={"host": host}).status_code == 421, host
-    assert client.get(good, headers={"host": f"localhost:{PORT}"}).status_code == 200
-    for origin in ("http://evil.example", "null", "https://127.0.0.1:4711", "http://127.0.0.1"):
-        assert client.get(good, headers={"origin": origin}).status_code == 403, origin
-    told = {"sec-fetch-site": "cross-site", "sec-fetch-mode": "navigate"}
-    opening = {**told, "sec-fetch-dest": "document"}
-    assert client.get(f"/{TOKEN}/", headers=opening).status_code == 200, "a link to the page"
-    for path, headers in ((good, opening), (f"/{TOKEN}/main.js", opening), (f"/{TOKEN}/", told),
-                          ("/wrong/", opening)):  # fmt: skip
-        assert client.get(path, headers=headers).status_code == 403, path
-    assert client.get(good, headers={"origin": BASE}).status_code == 200
-    for site in ("cross-site", "same-site"):
-        assert client.get(good, headers={"sec-fetch-site": site}).status_code == 403, site
-    edit = f"/{TOKEN}/api/edit"
-    assert client.post(edit, content="do=undo").status_code == 415
-    assert client.post(edit, content=b"x" * 70000, headers=JSON).status_code == 413
-
-
-def test_no_path_leads_out(desk: Desk) -> None:
-    client = TestClient(make_app(desk, TOKEN, PORT), base_url=BASE)
-    for path in ("../server.py", "%2e%2e/server.py", "viewer/../../cli/main.py", "..%2f..%2fx",
-                 "/etc/passwd", "page/index.html", "viewer/", "api/picture/..", ".."):  # fmt: skip
-        assert client.get(f"/{TOKEN}/{path}").status_code in (403, 404), path
-
-
-def test_headers_forbid_all_else(client: TestClient) -> None:
-    answer = client.get("")
-    assert "default-src 'none'" in answer.headers["content-security-policy"]
-    assert answer.headers["referrer-policy"] == "no-referrer"
-    assert answer.headers["cache-control"] == "no-store"
-
-
-def test_a_render_goes_to_its_end(client: TestClient, tmp_path: Path) -> None:
-    client.post("api/render", json={"kind": "convert", "name": "out"})
-    assert client.post("api/render", json={"kind": "convert", "name": "o2"}).status_code == 422
-    for _ in range(600):
-        progress = client.get("api/state").json()["render"]
-        if progress["state"] != "running":
-            break
-        time.sleep(0.1)
-    assert progress["state"] == "done", progress
-    assert (progress["done"], progress["of"]) == (14, 14)
-    assert len(list((tmp_path / "out").glob("*.exr"))) == 14
-
-
-def test_a_look_is_rendered_again_where_another_was(desk: Desk, clip: Path, tmp_path: Path) -> None:
-    convert(clip, tmp_path / "out", make_settings(), RunOptions(frames="1", jobs=1))
-    desk.edit(lambda document: set_values(document, {"strength": 0.4}, None))
-    desk.render("convert", "out")
-    assert desk.runner._follower is not None
-    desk.runner._follower.join(60)
-    assert desk.runner.progress.state == "failed"
-    assert "Tick “Re-render what exists" in desk.runner.progress.message
-    assert "--" not in desk.runner.progress.message, "flags cannot be given on the page"
-    desk.render("convert", "out", again=True)
-    desk.runner._follower.join(60)
-    assert desk.runner.progress.state == "done", desk.runner.progress.message
-
-
-@pytest.mark.parametrize("kind", ["convert", "preview"])
-def test_remedies_can_be_had_on_the_page(kind: str) -> None:
-    said = ["x: why", "Choose another folder, or use --overwrite.", "Use --update, --overwrite."]
-    told = for_page(said, kind)
-    assert told[0] == "x: why"
-    assert "--" not in "".join(told)
-    assert ("Tick" in told[1]) == (kind == "preview")
-
-
-def test_a_full_disk_is_told_so_that_one_can_go_on(
-    desk: Desk, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def full(self: Gate, data: bytes) -> None:
-        raise output_error(OSError(errno.ENOSPC, "full"), tmp_path)
-
-    monkeypatch.setattr(Gate, "write", full)
-    with pytest.raises(OutputError) as raised:
-        desk.save("preset", "look", False)
-    assert raised.value.remedy == "Free some space, then save again."
-
-
-def test_a_render_is_cancelled_and_failures_are_told(desk: Desk, tmp_path: Path) -> None:
-    desk.render("convert", "out")
-    desk.runner.close()
-    assert desk.runner.progress.state == "cancelled"
-    (tmp_path / "strange").mkdir()
-    (tmp_path / "strange" / "file").write_text("mine")
-    desk.render("convert", "strange")
-    assert desk.runner._follower is not None
-    desk.runner._follower.join(60)
-    assert desk.runner.progress.state == "failed"
-    assert "not from a conversion" in desk.runner.progress.message
-
-
-def test_one_render_at_a_time_also_after_a_cancel(desk: Desk) -> None:
-    desk.render("convert", "out")
-    assert desk.runner._process is not None
-    desk.runner._process.send_signal(signal.SIGSTOP)  # so that it cannot end before it is asked
-    os.waitid(os.P_PID, desk.runner._process.pid, os.WSTOPPED | os.WNOWAIT)
-    desk.runner.cancel()
-    with pytest.raises(UsageError, match="running"):
-        desk.render("convert", "out")
-    desk.runner._process.send_signal(signal.SIGCONT)
-    assert desk.runner._follower is not None
-    desk.runner._follower.join(60)
-    assert desk.runner.progress.state in ("cancelled", "done")
-    desk.render("convert", "out")
-
-
-def test_pages_do_not_overtake_each_other() -> None:
-    latest, go = Latest(("a", "b")), threading.Event()
-    ran: list[str] = []
-    running = latest.submit("a", lambda stale: (go.wait(60), stale())[1], "one")
-    while latest._running is None:
-        time.sleep(0.001)
-    waiting = [
-        latest.submit("a", lambda stale, n=n, p=p: ran.append(f"{p}{n}"), p)
-        for n in range(5)
-        for p in ("two", "three")
-    ]
-    go.set()
-    assert running.result(60) is False, "another page overtook it"
-    for future in waiting[-2:]:
-        future.result(60)
-    assert ran == ["two4", "three4"]
-    begun, hold = threading.Event(), threading.Event()
-    latest.submit("a", lambda stale: (begun.set(), hold.wait(60)))
-    assert begun.wait(60)  # else it may be overtaken itself
-    many = [latest.submit("a", lambda stale: 1, str(n)) for n in range(200)]
-    hold.set()
-    assert many[-1].result(60) == 1
-    assert sum(isinstance(f.exception(60), StaleError) for f in many) >= 200 - 65
-    latest.close()
-
-
-def test_many_clicks_pile_up_no_work() -> None:
-    latest, go = Latest(("a", "b")), threading.Event()
-    ran: list[int] = []
-
-    def work(n: int) -> int:
-        go.wait(5)
-        ran.append(n)
-        return n
-
-    first = latest.submit("a", lambda stale: (work(0), stale())[1])
-    while latest._running is None:
-        time.sleep(0.001)
-    futures = [latest.submit("a", lambda stale, n=n: work(n)) for n in range(1, 200)]
-    other = latest.submit("b", lambda stale: work(-1))
-    go.set()
-    assert first.result(5) is True, "it was not told that it is overtaken"
-    assert futures[-1].result(5) == 199
-    assert other.result(5) == -1
-    assert ran == [0, 199, -1]
-    assert sum(isinstance(f.exception(5), StaleError) for f in futures[:-1]) == 198
-    latest.close()
-    with pytest.raises(StaleError):
-        latest.submit("a", lambda stale: work(1)).result(5)

@@ -102,7 +102,7 @@ def test_the_source_and_the_layers(clip: Path, session: Session, tmp_path: Path)
     convert(clip, tmp_path, settings, RunOptions(frames="7", jobs=1))
     channels = read_exr(tmp_path / f"{clip.stem}.0007.exr").channels
     for part in ("expand_map", "gain", "clip_mask"):
-        layer = session.picture(6, look, part=part)  # type: ignore[arg-type]
+        layer = session.picture(6, look, part=part)
         assert np.array_equal(layer.planes[0], channels[f"{part}.Y"]), part
     hdr = session.picture(6, look).planes.astype(np.float32)
     sdr = session.picture(6, look, part="sdr").planes.astype(np.float32)
