@@ -52,11 +52,11 @@ def read_edit(path: str | Path, info: ClipInfo) -> list[Range]:
         )
         if not isinstance(read, otio.schema.Timeline):
             raise ValueError("it has no timeline")
-        track = otio.algorithms.flatten_stack(read.video_tracks())
+        track = otio.algorithms.flatten_stack(_shown_tracks(otio, read))
         ranges = [
             _frames(track.range_of_child(item), info.frame_rate, path)
             for item in track
-            if isinstance(item, otio.schema.Clip | otio.schema.Stack)
+            if isinstance(item, otio.schema.Clip | otio.core.Composition)
         ]
     except UsageError:
         raise
@@ -120,6 +120,16 @@ def _otio() -> Any:
     except ImportError as error:
         raise UsageError("edit lists need opentimelineio", remedy=to_install("otio")) from error
     return opentimelineio
+
+
+def _shown_tracks(otio: Any, timeline: Any) -> list[Any]:
+    """The video tracks that are enabled, with gaps for the clips in them that are not."""
+    tracks = [track for track in timeline.video_tracks() if track.enabled]
+    for track in tracks:
+        for at, item in enumerate(track):
+            if isinstance(item, otio.core.Item) and not item.enabled:
+                track[at] = otio.schema.Gap(source_range=item.trimmed_range())
+    return tracks
 
 
 def _nominal(rate: Fraction) -> int:

@@ -133,6 +133,29 @@ def test_two_tracks_are_seen_from_above(info: ClipInfo, tmp_path: Path) -> None:
     assert read_edit(path, info) == [(0, 1), (2, 4), (5, 7)]
 
 
+def test_what_an_editor_does_not_show_is_no_shot(info: ClipInfo, tmp_path: Path) -> None:
+    """Disabled tracks and clips; a track inside a track is a shot, as a stack is."""
+    otio = pytest.importorskip("opentimelineio")
+    time, span = otio.opentime.RationalTime, otio.opentime.TimeRange
+
+    def clip(frames: int, enabled: bool = True) -> object:
+        made = otio.schema.Clip(source_range=span(time(0, 24), time(frames, 24)))
+        made.enabled = enabled
+        return made
+
+    inner, lower, upper, off = (otio.schema.Track(kind="Video") for _ in range(4))
+    inner.extend([clip(1), clip(1)])
+    lower.extend([clip(2), inner, clip(1, enabled=False), clip(3)])
+    upper.extend([clip(1, enabled=False), clip(1)])
+    off.append(clip(8))
+    off.enabled = False
+    timeline = otio.schema.Timeline("shown")
+    timeline.tracks.extend([lower, upper, off])
+    path = tmp_path / "shown.otio"
+    path.write_text(otio.adapters.write_to_string(timeline, "otio_json"))
+    assert read_edit(path, info) == [(0, 0), (1, 1), (2, 3), (5, 7)]
+
+
 @pytest.mark.parametrize(
     ("name", "text", "words"),
     [
