@@ -33,6 +33,9 @@ def timing(stream: Any, packets: Packets, time_base: Fraction) -> tuple[Fraction
     if int(np.ptp(steps)) <= max(1, step // 50):
         stated = (rate, stream.base_rate, stream.guessed_rate)
         return _constant([Fraction(one) for one in stated if one], steps, time_base), length, False
+    rounded = _rounded_to_ms((stream.base_rate, stream.guessed_rate), whole, time_base)
+    if rounded is not None:
+        return rounded, length, False
     film = _pulled_down(steps, time_base)
     if film is not None:
         return film, count / film, True
@@ -50,6 +53,21 @@ def _constant(stated: Sequence[Fraction], steps: npt.NDArray[Any], time_base: Fr
         if abs(len(steps) / (rate * time_base) - span) <= max(1, differ):
             return rate
     return stated[0] if differ else 1 / (int(steps[0]) * time_base)
+
+
+def _rounded_to_ms(
+    stated: Sequence[Any], pts: Sequence[int], time_base: Fraction
+) -> Fraction | None:
+    """The stated constant rate whose times are these to a millisecond, None if there is none.
+
+    Matroska counts in milliseconds, and remuxed to MP4 or MPEG-TS its stamps stay so.
+    """
+    for rate in (Fraction(one) for one in stated if one):
+        regular = np.arange(len(pts)) * float(1 / (rate * time_base))
+        differences = np.asarray(pts, np.int64) - pts[0] - regular
+        if float(np.ptp(differences)) * time_base <= Fraction(1, 1000) + time_base:
+            return rate
+    return None
 
 
 def _pulled_down(steps: npt.NDArray[Any], time_base: Fraction) -> Fraction | None:

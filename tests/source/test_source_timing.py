@@ -26,7 +26,7 @@ def write_mp4(path: Path, stamps: list[int], last: int, rate: Fraction, base: Fr
         stream.time_base = stream.codec_context.time_base = base
         packets = []
         for n, stamp in enumerate(stamps):
-            codes = np.full((48, 64), 40 + 9 * n, np.uint8)
+            codes = np.full((48, 64), (40 + 9 * n) % 256, np.uint8)
             frame = av.VideoFrame.from_ndarray(codes, "gray").reformat(format="yuv420p")
             frame.pts, frame.time_base = stamp, base
             packets += stream.encode(frame)
@@ -76,3 +76,21 @@ def test_the_last_frame_of_an_animation_has_its_own_time(tmp_path: Path) -> None
     pictures[0].save(path, save_all=True, append_images=pictures[1:], duration=[50, 100, 100, 200])
     with open_clip(path, InputOptions(fps=Fraction(20))) as clip:
         assert clip.info.frames == 9
+
+
+@pytest.mark.parametrize("rate", [Fraction(24), FILM, Fraction(30000, 1001), Fraction(60)])
+def test_a_constant_rate_survives_a_remux_from_milliseconds(tmp_path: Path, rate: Fraction) -> None:
+    """Matroska rounds stamps to milliseconds; MP4 keeps them, in a finer time base."""
+    base = Fraction(1, 16000)
+    stamps = [16 * round(1000 * n / rate) for n in range(40)]
+    path = write_mp4(tmp_path / "a.mp4", stamps, round(16000 / rate), rate, base)
+    with open_clip(path) as clip:
+        assert (clip.info.frame_rate, clip.info.is_vfr) == (rate, False)
+        assert not any("variable" in notice for notice in clip.info.notices)
+
+
+def test_one_frame_that_is_late_makes_the_rate_vary(tmp_path: Path) -> None:
+    stamps = [16 * (round(1000 * n / 24) + (4 if n == 20 else 0)) for n in range(60)]
+    path = write_mp4(tmp_path / "a.mp4", stamps, 666, Fraction(24), Fraction(1, 16000))
+    with open_clip(path) as clip:
+        assert clip.info.is_vfr
