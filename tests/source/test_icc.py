@@ -59,10 +59,11 @@ def test_profiles_agree_with_littlecms(tmp_path: Path, name: str, form: str) -> 
 
     pillow_heif.register_heif_opener()
     profile, transfer, primaries = PROFILES[name]
-    options = {
+    by_form: dict[str, dict[str, object]] = {
         "WEBP": {"lossless": True}, "JPEG": {"quality": 100, "subsampling": 0},
         "AVIF": {"quality": 100, "subsampling": "4:4:4"}, "HEIF": {"quality": 100, "chroma": 444},
-    }.get(form, {})  # fmt: skip
+    }  # fmt: skip
+    options = by_form.get(form, {})
     path = tmp_path / "a"
     path.write_bytes(encoded(patches(), form, icc_profile=profile, **options))
     encoding = open_clip(path).info.encoding

@@ -65,7 +65,10 @@ def test_the_last_frame_of_a_varying_rate_has_its_own_time(tmp_path: Path) -> No
     film = tmp_path / "shown.mp4"
     preview(path, film, Settings(), RunOptions(jobs=1))
     with av.open(str(film)) as box:
-        assert box.streams.video[0].duration * box.streams.video[0].time_base == Fraction(12, 25)
+        stream = box.streams.video[0]
+        assert stream.duration is not None
+        assert stream.time_base is not None
+        assert stream.duration * stream.time_base == Fraction(12, 25)
 
 
 def test_the_last_frame_of_an_animation_has_its_own_time(tmp_path: Path) -> None:

@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+import io
 import os
 import struct
 import sys
 import zlib
 from pathlib import Path
 
+import av
 import numpy as np
 import pytest
+from image_files import chunk, written
 from PIL import Image
-from stills import PATCHES, at_patches, encoded, linear_srgb, patches
+from stills import PATCHES, at_patches, encoded, linear_srgb, noise, patches
 
+from itmo_video.delivery.svt_av1 import svt_as_guest
 from itmo_video.errors import AlreadyHdrError, InputError
 from itmo_video.source.opening import open_clip
 from itmo_video.source.tags import InputOptions
@@ -172,3 +176,53 @@ def test_whole_gif_frames_that_hide_each_other_have_no_alpha(tmp_path: Path) -> 
     path.write_bytes(gif((6, 5), [(0, 0, 6, 5, 1), (0, 0, 6, 5, 2)], disposal=2))
     with open_clip(path) as clip:
         assert not clip.info.encoding.has_alpha
+
+
+def test_gain_maps_are_told(tmp_path: Path) -> None:
+    xmp = b'<x:xmpmeta xmlns:x="adobe:ns:meta/"><rdf hdrgm:Version="1.0"/></x:xmpmeta>'
+    data = encoded(noise(), "JPEG", xmp=xmp)
+    notices = open_clip(written(tmp_path / "a.jpg", data)).info.notices
+    assert any("gain map" in notice for notice in notices)
+
+
+def test_avif_of_10_bits_keeps_them_and_its_range(tmp_path: Path) -> None:
+    """The encoder writes the limited range, in which 940 is white."""
+    data = io.BytesIO()
+    with av.open(data, "w", format="avif") as box:
+        stream = box.add_stream("libsvtav1", rate=1, options={"crf": "5"})
+        stream.width, stream.height, stream.pix_fmt = 64, 64, "yuv420p10le"
+        with svt_as_guest():
+            stream.codec_context.open()
+        frame = av.VideoFrame(64, 64, "yuv420p10le")
+        for plane, code in zip(frame.planes, (940, 512, 512), strict=True):
+            plane.update(np.full(plane.buffer_size // 2, code, "<u2").tobytes())
+        frame.pts = 0
+        box.mux(stream.encode(frame))
+        box.mux(stream.encode(None))
+    path = written(tmp_path / "a.avif", data.getvalue())
+    encoding = open_clip(path).info.encoding
+    assert (encoding.bit_depth, encoding.range, encoding.transfer) == (10, "limited", "srgb")
+    np.testing.assert_allclose(linear_srgb(path), 1, atol=0.005)
+
+
+@pytest.mark.parametrize(("chunks", "transfer", "primaries"), [
+    (((b"cICP", bytes([12, 13, 0, 1])),), "srgb", "p3d65"),
+    (((b"gAMA", struct.pack(">I", 100000)),), "linear", "rec709"),
+    (((b"gAMA", struct.pack(">I", 45455)),), "gamma22", "rec709"),
+    (((b"gAMA", struct.pack(">I", 45455)), (b"sRGB", b"\0")), "srgb", "rec709"),
+])  # fmt: skip
+def test_colour_chunks_of_png(
+    tmp_path: Path, chunks: tuple[tuple[bytes, bytes], ...], transfer: str, primaries: str
+) -> None:
+    data = encoded(noise(), "PNG")
+    extra = b"".join(chunk(name, body) for name, body in chunks)
+    path = written(tmp_path / "a.png", data[:33] + extra + data[33:])
+    encoding = open_clip(path).info.encoding
+    assert (encoding.transfer, encoding.primaries) == (transfer, primaries)
+
+
+def test_pq_stills_are_refused(tmp_path: Path) -> None:
+    data = encoded(noise(), "PNG")
+    tag = chunk(b"cICP", bytes([9, 16, 0, 1]))
+    with pytest.raises(AlreadyHdrError, match="PQ"):
+        open_clip(written(tmp_path / "a.png", data[:33] + tag + data[33:]))
