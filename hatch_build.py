@@ -16,7 +16,7 @@ FLOATS = ["-ffp-contract=off", "-fno-math-errno", "-fno-trapping-math"]
 FLAGS = ["-O3", "-std=c11", *FLOATS, "-shared", "-fPIC"]
 
 
-class NativeHook(BuildHookInterface):
+class NativeHook(BuildHookInterface[Any]):
     """Puts the library into the package, where an editable installation finds it, too."""
 
     def initialize(self, version: str, build_data: dict[str, Any]) -> None:

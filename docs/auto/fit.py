@@ -16,6 +16,7 @@ import multiprocessing as mp
 import time
 from collections.abc import Iterable
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -42,7 +43,7 @@ from torch.nn import functional
 SIZE = (480, 288)
 
 
-def feed(paths: list[Path], seed: int, queue: mp.Queue, batch: int) -> None:
+def feed(paths: list[Path], seed: int, queue: mp.Queue[Any], batch: int) -> None:
     """Puts batches (codes uint8, linear RGB float16), each (b, h, w, 3), endlessly."""
     cv2.setNumThreads(1)
     rng = np.random.default_rng(seed)
@@ -141,7 +142,7 @@ class Muon(torch.optim.Optimizer):
         super().__init__(params, {"lr": lr})
 
     @torch.no_grad()
-    def step(self) -> None:  # type: ignore[override]  # torch asks for a closure; not needed here
+    def step(self) -> None:
         """One step of every weight (o, i, 3, 3), taken as a matrix (o, 9i)."""
         for group in self.param_groups:
             for p in group["params"]:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import cv2
 import numpy as np
+import numpy.typing as npt
 from scenes import BT709_WEIGHTS, Codes, Float, expose, srgb_encode, title, window
 
 SIZE = (320, 192)
@@ -18,7 +19,7 @@ SHARES = (0.27, 0.18, 0.25, 0.30)
 
 def luminance(rgb: Float) -> Float:
     """BT.709's luminance (h, w, 1) of linear RGB."""
-    return np.maximum(rgb @ BT709_WEIGHTS, 1e-6)[..., None]
+    return np.asarray(np.maximum(rgb @ BT709_WEIGHTS, 1e-6)[..., None], np.float32)
 
 
 def blurred(plane: Float, radius: int, epsilon: float) -> Float:
@@ -41,6 +42,10 @@ def agreeing(truth: Float, recorded: Float) -> Float:
 
 def curve_of(kind: str, scene: Float, white: float) -> Float:
     """A published tone curve of linear light whose middle grey is 0.18: to [0, 1] at `white`."""
+    return np.asarray(_curve_of(kind, scene, white), np.float32)
+
+
+def _curve_of(kind: str, scene: Float, white: float) -> npt.NDArray[np.floating]:
     if kind == "reinhard":  # Reinhard et al. 2002, eq. 4
         return scene * (1 + scene / white**2) / (1 + scene)
     if kind == "aces":  # Narkowicz's fit
@@ -49,17 +54,17 @@ def curve_of(kind: str, scene: Float, white: float) -> Float:
     if kind == "hable":
         a, b, c, d, e, f = 0.15, 0.5, 0.1, 0.2, 0.02, 0.3
 
-        def filmic(x: Float) -> Float:
+        def filmic(x: Float) -> npt.NDArray[np.floating]:
             return np.asarray((x * (a * x + c * b) + d * e) / (x * (a * x + b) + d * f) - e / f)
 
-        return filmic(2 * scene) / filmic(np.float32(2 * white))
+        return filmic(2 * scene) / filmic(np.asarray(2 * white, np.float32))
     if kind == "log":  # BT.2446 method A's forward curve
         p = 1 + 32 * np.float32(0.1) ** (1 / 2.4)
         code = (np.minimum(scene / white, 1)) ** np.float32(1 / 2.4)
-        return (np.log(1 + (p - 1) * code) / np.log(p)) ** np.float32(2.2)
+        return np.asarray((np.log(1 + (p - 1) * code) / np.log(p)) ** np.float32(2.2))
     knee = np.float32(0.5)  # linear up to a knee, then a shoulder
     above = np.maximum(scene - knee, 0) / (1 - knee)
-    return np.minimum(scene, knee) + (1 - knee) * (1 - np.exp(-above))
+    return np.asarray(np.minimum(scene, knee) + (1 - knee) * (1 - np.exp(-above)))
 
 
 def tone_mapped(scene: Float, rng: np.random.Generator) -> tuple[Float, Float]:
@@ -126,7 +131,7 @@ def drawn(rng: np.random.Generator) -> Float:
             corner = (centre[0] + axes[0], centre[1] + axes[1])
             cv2.rectangle(picture, centre, corner, colour.tolist(), -1)
     shade = cv2.resize(rng.uniform(0.6, 1, (4, 6)).astype(np.float32), SIZE)
-    return np.clip(picture * shade[..., None], 0, 1)
+    return np.asarray(np.clip(picture * shade[..., None], 0, 1), np.float32)
 
 
 def delivered(recorded: Float, rng: np.random.Generator) -> Codes:
@@ -146,7 +151,9 @@ def delivered(recorded: Float, rng: np.random.Generator) -> Codes:
         quality = int(rng.choice([rng.integers(12, 60), rng.integers(60, 98)]))
         ok, data = cv2.imencode(".jpg", codes[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, quality])
         assert ok
-        codes = np.ascontiguousarray(cv2.imdecode(data, cv2.IMREAD_COLOR)[..., ::-1])
+        shown = cv2.imdecode(data, cv2.IMREAD_COLOR)
+        assert shown is not None
+        codes = np.ascontiguousarray(shown[..., ::-1])
     return codes
 
 
@@ -165,7 +172,8 @@ def rendition(scene: Float, rng: np.random.Generator) -> tuple[Codes, Float, str
             truth = drawn(rng)
         else:
             y = luminance(cut)
-            truth = cut * np.float32(rng.uniform(0.45, 1) / max(np.percentile(y, 99.9), 1e-6))
+            top = max(float(np.percentile(y, 99.9)), 1e-6)
+            truth = cut * np.float32(rng.uniform(0.45, 1) / top)
         if rng.random() < 0.25:
             truth = title(truth, rng)
         truth = np.clip(truth, 0, 1)

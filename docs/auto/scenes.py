@@ -117,7 +117,7 @@ def expose(cut: Float, rng: np.random.Generator) -> Float:
     if rng.random() < 0.35:
         percentile = float(rng.choice([85.0, 94.0, 94.0, 99.0]))
     white = np.percentile(luminance[::2, ::2], percentile)
-    return np.minimum(cut / np.float32(max(white, 1e-6)), 6e4).astype(np.float32)
+    return np.asarray(np.minimum(cut / np.float32(max(white, 1e-6)), 6e4), np.float32)
 
 
 def graded(truth: Float, rng: np.random.Generator) -> tuple[Float, Float]:
@@ -148,7 +148,9 @@ def shoot(recorded: Float, rng: np.random.Generator) -> Codes:
         quality = int(rng.choice([rng.integers(60, 98), rng.integers(85, 98)]))
         ok, data = cv2.imencode(".jpg", code[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, quality])
         assert ok
-        code = cv2.imdecode(data, cv2.IMREAD_COLOR)[..., ::-1]
+        shown = cv2.imdecode(data, cv2.IMREAD_COLOR)
+        assert shown is not None
+        code = shown[..., ::-1]
     return np.ascontiguousarray(code)
 
 

@@ -121,7 +121,7 @@ def _sweep(probes: list[Any]) -> None:
     Bounds: the truth itself where it is cut off at L'max, and the SDR with what clips (a channel
     at 1) multiplied by the one factor that gives its true mean, which no method knows.
     """
-    found: dict[str, Errors] = {"1": {}, "true mean": {}} | {f"{x:g}": {} for x in SWEPT}
+    found: dict[str, Errors] = {row: {} for row in ("1", "true mean", *(f"{x:g}" for x in SWEPT))}
     for truth in probes:
         lit = render_lit(probe(truth))
         codes = codes_of(truth)

@@ -117,8 +117,9 @@ def main() -> None:
     print("| operator | visible | obvious | PQ-PSNR dB | worst PQ-PSNR against SDR as it is |")
     print("|---|---|---|---|---|")
     plain = np.array(found[L_MAX[0]]["SDR as it is"])
-    rows = {"SDR as it is": plain} | {name: np.array(rows) for name, rows in table.items()}
-    for name, row in sorted(rows.items(), key=lambda item: -item[1][:, 2].mean()):
+    by_operator = {name: np.array(judgements) for name, judgements in table.items()}
+    judged_rows = {"SDR as it is": plain} | by_operator
+    for name, row in sorted(judged_rows.items(), key=lambda item: -item[1][:, 2].mean()):
         mean = row.mean(axis=0)
         worst = (row[:, 2] - plain[:, 2]).min()
         print(f"| {name} | {mean[0]:.1%} | {mean[1]:.1%} | {mean[2]:.2f} | {worst:+.1f} |")

@@ -29,15 +29,15 @@ def judged(rgb: Any, truth: Any, l_max: float) -> tuple[float, ...]:
     The metric's share is of pixels whose local JOD, in its raw heat map, is that far below 10.
     """
     display = Display(WHITE * l_max, WHITE)
-    test, reference = (vdp.on_display(np.float32(x), display) for x in (rgb, truth))
+    test, reference = (vdp.on_display(np.asarray(x, np.float32), display) for x in (rgb, truth))
     height, width = truth.shape[:2]
     with vdp._metric((width, height), display, heat_map="raw") as metric:
         jod, stats = metric.predict(test, reference, dim_order="HWC")
     loss = 10 * stats["heatmap"].float().numpy()
-    nits = [fidelity.displayed(x, WHITE, WHITE * l_max) for x in (rgb, truth)]
+    ours, right = (fidelity.displayed(x, WHITE, WHITE * l_max) for x in (rgb, truth))
     return (
-        fidelity.visible_share(*nits),
-        fidelity.visible_share(*nits, fidelity.OBVIOUS),
+        fidelity.visible_share(ours, right),
+        fidelity.visible_share(ours, right, fidelity.OBVIOUS),
         *(float(np.mean(loss >= threshold)) for threshold in THRESHOLDS_JOD),
         float(jod),
     )

@@ -205,7 +205,7 @@ def _signature(name: str, function: Any) -> str:
         if p.kind is p.KEYWORD_ONLY and not is_keyword_only:
             is_keyword_only = True
             parts.append("*")
-        stars = {p.VAR_POSITIONAL: "*", p.VAR_KEYWORD: "**"}.get(p.kind, "")
+        stars = "*" if p.kind is p.VAR_POSITIONAL else "**" if p.kind is p.VAR_KEYWORD else ""
         default = getattr(p.default, "__name__", repr(p.default))  # a function by its name
         parts.append(
             f"{stars}{p.name}: {p.annotation}" + ("" if p.default is p.empty else f" = {default}")

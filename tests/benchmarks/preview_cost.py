@@ -25,7 +25,8 @@ from itmo_video import RunOptions, make_settings
 from itmo_video.delivery.film_spec import FilmSpec
 from itmo_video.delivery.film_writer import FilmWriter
 from itmo_video.delivery.hdr import Light
-from itmo_video.delivery.preview import PreviewOptions, preview
+from itmo_video.delivery.preview import preview
+from itmo_video.delivery.preview_options import PreviewOptions
 from itmo_video.output.gate import FILM, Gate
 
 Writing = tuple[tuple[Any, ...], dict[str, Any]]
@@ -37,9 +38,9 @@ def measure(clip: Path, frames: int, codec: Any, speed: str, out: Path) -> tuple
     asked: list[FilmSpec] = []
     begin, write = FilmWriter.__init__, FilmWriter.write
 
-    def watched(self: FilmWriter, path: Path, spec: FilmSpec, *rest: Any) -> None:
+    def watched(self: FilmWriter, gate: Gate, spec: FilmSpec, *rest: Any, **more: Any) -> None:
         asked.append(spec)
-        begin(self, path, spec, *rest)
+        begin(self, gate, spec, *rest, **more)
 
     def kept(self: FilmWriter, *args: Any, **more: Any) -> None:
         made.append((args, more))

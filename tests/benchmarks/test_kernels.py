@@ -31,11 +31,12 @@ def frame_of(size: str, depth: int) -> Frame:
         cv2.circle(ground, (int(x), int(y)), int(r), 1.0, -1)
     ground += rng.normal(0, 0.005, ground.shape).astype(np.float32)
     step = 2 ** (depth - 8)
-    dtype = np.uint8 if depth == 8 else np.uint16
-    luma = np.round(np.clip(16 + 219 * ground, 16, 235) * step).astype(dtype)
-    chroma = np.full((height // 2, width // 2), 128 * step, dtype)
+    luma = np.round(np.clip(16 + 219 * ground, 16, 235) * step)
+    chroma = np.full((height // 2, width // 2), 128 * step)
     encoding = Encoding("ycbcr", depth, "bt709", "limited", "bt1886", "rec709")
-    return Frame(0, Fraction(0), (luma, chroma, chroma + dtype(step)), encoding)
+    planes = (luma, chroma, chroma + step)
+    stored = tuple(p.astype(np.uint8) if depth == 8 else p.astype(np.uint16) for p in planes)
+    return Frame(0, Fraction(0), stored, encoding)
 
 
 @pytest.fixture(autouse=True)

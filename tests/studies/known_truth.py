@@ -98,7 +98,10 @@ def _read(path: Path) -> Picture:
         channels = read_exr(path).channels
         rgb = np.dstack([channels[name].astype(np.float32) for name in "RGB"])
     else:
-        rgb = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)[..., ::-1].astype(np.float32)
+        bgr = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
+        if bgr is None:
+            raise SystemExit(f"{path} cannot be read")
+        rgb = bgr[..., ::-1].astype(np.float32)
     return np.clip(np.nan_to_num(rgb, posinf=MAX_RADIANCE), 0, MAX_RADIANCE)
 
 
@@ -111,7 +114,7 @@ def _fitting(spec: ClipSpec, scene: Picture) -> ClipSpec:
 
 
 def _is_panorama(scene: Picture) -> bool:
-    return scene.shape[1] == 2 * scene.shape[0]
+    return bool(scene.shape[1] == 2 * scene.shape[0])
 
 
 def _origin(n: int, scene: Picture, spec: ClipSpec) -> tuple[float, float]:
@@ -138,8 +141,9 @@ def _window(scene: Picture, spec: ClipSpec, x: float, y: float) -> Picture:
 
 
 def _header(name: str) -> ExrHeader:
+    rx, ry, gx, gy, bx, by, wx, wy = primaries.CHROMATICITIES["rec709"]
     return ExrHeader(
-        "zips", tuple(primaries.CHROMATICITIES["rec709"]), 203.0, Fraction(24), Fraction(1),
+        "zips", (rx, ry, gx, gy, bx, by, wx, wy), 203.0, Fraction(24), Fraction(1),
         Fraction(0), name, "",
     )  # fmt: skip
 

@@ -14,6 +14,7 @@ import time
 import warnings
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import av
 import imagecodecs
@@ -21,6 +22,7 @@ import numpy as np
 import OpenImageIO
 import pillow_heif
 import tifffile
+from av.video.codeccontext import VideoCodecContext
 from PIL import Image
 
 warnings.simplefilter("ignore")
@@ -67,11 +69,12 @@ def by_imagecodecs(data: bytes, ext: str) -> np.ndarray:
 
 def by_ffmpeg(data: bytes, ext: str) -> np.ndarray:
     if ext in ("avif", "heic", "gif", "apng"):
-        with av.open(io.BytesIO(data)) as box:
-            frames = [f.to_ndarray(format="rgb24") for f in box.decode(video=0)]
-        return np.stack(frames) if len(frames) > 1 else frames[0]
+        with av.open(io.BytesIO(data), "r") as box:
+            shown = [f.to_ndarray(format="rgb24") for f in box.decode(video=0)]
+        return np.stack(shown) if len(shown) > 1 else shown[0]
     codec = {"jpg": "mjpeg", "tif": "tiff", "jp2": "jpeg2000"}.get(ext, ext)
     context = av.CodecContext.create(codec, "r")
+    assert isinstance(context, VideoCodecContext)
     frames = context.decode(av.Packet(data)) or context.decode(None)
     form = "rgb48le" if "16" in frames[0].format.name or "48" in frames[0].format.name else "rgb24"
     return frames[0].to_ndarray(format=form)
@@ -90,7 +93,7 @@ def picture(dtype: type = np.uint8, channels: int = 3) -> np.ndarray:
     return (np.dstack(waves) * top).astype(dtype)
 
 
-def tiff(image: np.ndarray, **options: object) -> bytes:
+def tiff(image: np.ndarray, **options: Any) -> bytes:
     data = io.BytesIO()
     tifffile.imwrite(data, image, photometric="rgb", **options)
     return data.getvalue()

@@ -53,7 +53,9 @@ def cameras(data: Path, percentile: float) -> Iterator[Pair]:
 def pairs(work: Path) -> Iterator[Pair]:
     """Phones' photographs with their own HDR renditions."""
     for folder in sorted((work / "pairs").glob("*")):
-        codes = cv2.imread(str(folder / "sdr.png"))[..., ::-1]
+        bgr = cv2.imread(str(folder / "sdr.png"))
+        assert bgr is not None, folder
+        codes = bgr[..., ::-1]
         channels = read_exr(folder / "truth/frame.0001.exr").channels
         truth = np.dstack([channels[c].astype(np.float32) for c in "RGB"])
         share = 480 / max(codes.shape)
@@ -112,7 +114,7 @@ def as_video(codes: Any) -> Any:
             out.mux(stream.encode(frame))
         out.mux(stream.encode(None))
     file.seek(0)
-    with av.open(file) as read:
+    with av.open(file, "r") as read:
         *_, last = read.decode(video=0)
         return last.reformat(format="rgb24", src_colorspace="ITU709").to_ndarray()
 
@@ -120,7 +122,9 @@ def as_video(codes: Any) -> Any:
 def degraded(codes: Any) -> Any:
     """The picture as JPEG of quality 25."""
     _, data = cv2.imencode(".jpg", codes[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, 25])
-    return cv2.imdecode(data, cv2.IMREAD_COLOR)[..., ::-1].copy()
+    shown = cv2.imdecode(data, cv2.IMREAD_COLOR)
+    assert shown is not None
+    return shown[..., ::-1].copy()
 
 
 def still_jod() -> Callable[[Any, Any], float]:
