@@ -5,8 +5,11 @@ from __future__ import annotations
 import io
 import struct
 from pathlib import Path
+from typing import Any
 
+import cv2
 import numpy as np
+import numpy.typing as npt
 from PIL import Image
 
 from itmo_video.colour import linear_light
@@ -40,6 +43,13 @@ def linear_srgb(path: Path) -> np.ndarray:
         frame = next(iter(clip.frames()))
     rgb = np.dstack(linear_light.to_rgb_linear(frame, clip=False)).astype(np.float64)
     return rgb @ rgb_to_rgb_matrix(frame.encoding.primaries, "rec709").T
+
+
+def bgr_codes(path: Path) -> npt.NDArray[Any]:
+    """A still as OpenCV reads it, in its own depth."""
+    codes = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
+    assert codes is not None, f"{path} cannot be read"
+    return np.asarray(codes)
 
 
 def at_patches(rgb: np.ndarray) -> np.ndarray:

@@ -15,6 +15,7 @@ import pytest
 from clips import moving_scene, write_ffv1
 
 from itmo_video import PreviewOptions, preview
+from itmo_video.delivery.preview_options import View
 
 SIZE = (64, 96)
 TYPES = {".avif": "image/avif", ".png": "image/png", ".jpg": "image/jpeg", ".mp4": "video/mp4"}
@@ -56,10 +57,14 @@ BT2020 = {"primaries": "bt2020", "matrix": "bt2020-ncl", "fullRange": False}
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("pictures")
     clip = write_ffv1(folder / "c.mkv", moving_scene(2, width=SIZE[1], height=SIZE[0]))
-    for name, view in (("pq.avif", None), ("hlg.avif", "hlg"), ("pq.png", None), ("map.jpg", None)):
+    stills: dict[str, View | None] = {
+        "pq.avif": None, "hlg.avif": "hlg", "pq.png": None, "map.jpg": None
+    }  # fmt: skip
+    for name, view in stills.items():
         preview(clip, folder / name, options=PreviewOptions(view=view, frame=1))
-    for view in ("hdr10", "hlg"):
-        preview(clip, folder / f"{view}.mp4", options=PreviewOptions(view=view, speed="12"))
+    films: tuple[View, ...] = ("hdr10", "hlg")
+    for shown in films:
+        preview(clip, folder / f"{shown}.mp4", options=PreviewOptions(view=shown, speed="12"))
     return folder
 
 
@@ -91,7 +96,7 @@ def seen(tab: Any, name: str) -> dict[str, Any]:
 def plane(told: dict[str, Any], number: int, kind: Any, shape: tuple[int, int]) -> npt.NDArray[Any]:
     at, stride = (told["planes"][number][name] for name in ("offset", "stride"))
     rows = np.frombuffer(told["codes"], np.uint8)[at : at + stride * shape[0]]
-    return rows.reshape(shape[0], stride).view(kind)[:, : shape[1]]
+    return np.asarray(rows.reshape(shape[0], stride).view(kind)[:, : shape[1]])
 
 
 @pytest.mark.parametrize(

@@ -125,10 +125,12 @@ def test_false_colour_steps_at_round_nits() -> None:
 
 def test_bands_grow_lighter_and_the_legend_shows_each() -> None:
     for scale in ("stops", "nits"):
-        steps = bands(scale, 100.0, 10.0)  # type: ignore[arg-type]
+        steps = bands(scale, 100.0, 10.0)
         lower = [band.lower for band in steps]
         assert lower == sorted(set(lower))
-        picture = false_colour(np.zeros((270, 960, 3), np.float32), scale, 100.0, 10.0)  # type: ignore[arg-type]
+        picture = false_colour(np.zeros((270, 960, 3), np.float32), scale, 100.0, 10.0)
         legend = picture[270:].reshape(-1, 3)
         for band in steps:
-            assert (np.abs(legend - np.float32(band.colour)).sum(axis=1) < 1e-6).any(), band
+            assert (
+                np.abs(legend - np.asarray(band.colour, np.float32)).sum(axis=1) < 1e-6
+            ).any(), band

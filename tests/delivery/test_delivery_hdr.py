@@ -25,7 +25,7 @@ def _planes(nits: float, shape: tuple[int, int] = (8, 16)) -> Planes:
 
 def test_pq_agrees_with_st2084() -> None:
     nits = np.geomspace(0.001, 10000, 200)
-    expected = colour_science.models.eotf_inverse_ST2084(nits)
+    expected = np.asarray(colour_science.models.eotf_inverse_ST2084(nits), np.float64)
     np.testing.assert_allclose(
         transfer.pq_code(nits), expected, atol=1e-9, err_msg="PQ's curve is off"
     )
@@ -88,7 +88,7 @@ def test_dither_depends_on_the_index_alone_and_moves() -> None:
 def test_light_levels_are_of_max_rgb() -> None:
     red = np.zeros((2, 2), np.float32)
     red[0, 0] = 800
-    light = hdr.frame_light((red, red / 2, red / 4))
+    light = hdr.frame_light((red, red / np.float32(2), red / np.float32(4)))
     assert light == hdr.Light(800.0, 200.0), "CTA-861.3 counts max(R, G, B)"
     assert hdr.film_light([light, hdr.Light(100.0, 300.0)]) == hdr.Light(800.0, 300.0)
     assert hdr.Light(0, 0).as_integers == (1, 1), "0 would mean unknown"

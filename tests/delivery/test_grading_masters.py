@@ -55,14 +55,15 @@ def decoded(path: Path) -> Planes:
         planes = []
         for plane in frame.planes:
             rows = np.frombuffer(memoryview(plane), np.uint16).reshape(plane.height, -1)
-            planes.append(rows[:, : plane.width] / scale)
-    y = (planes[0] - 64) / 876
+            planes.append(rows[:, : plane.width])
+    y = (planes[0] / scale - 64) / 876
     size = (frame.width, frame.height)
-    cb, cr = (
-        (np.asarray(p if p.shape == y.shape else chroma.upsample_chroma(p, size, "left")) - 512)
-        / 896
+    full = (
+        p.astype(np.float64) if p.shape == y.shape
+        else np.asarray(chroma.upsample_chroma(p, size, "left"), np.float64)
         for p in planes[1:3]
-    )
+    )  # fmt: skip
+    cb, cr = ((p / scale - 512) / 896 for p in full)
     kr, kb = (0.2126, 0.0722) if int(frame.colorspace) == 1 else (0.2627, 0.0593)
     red, blue = y + 2 * (1 - kr) * cr, y + 2 * (1 - kb) * cb
     return np.stack([red, (y - kr * red - kb * blue) / (1 - kr - kb), blue])

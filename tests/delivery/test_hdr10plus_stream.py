@@ -92,8 +92,8 @@ def told_by_decoder(film: Path) -> list[dict[str, list[int]]]:
     found = []
     with av.open(str(film)) as box:
         for frame in box.decode(video=0):
-            sides = [frame.side_data[i] for i in range(len(frame.side_data))]
-            for side in sides:
+            sides: Any = frame.side_data  # PyAV's types know of motion vectors only
+            for side in map(sides.__getitem__, range(len(sides))):
                 if side.type.name == "DYNAMIC_HDR_PLUS":
                     told = HdrPlus.from_buffer_copy(bytes(side))
                     spread = told.first.distribution[: told.first.count]

@@ -5,10 +5,12 @@ from __future__ import annotations
 import json
 from fractions import Fraction
 from pathlib import Path
+from typing import Any
 
 import av
 import numpy as np
 import pytest
+from av.audio.stream import AudioStream
 from clips import SHARED
 
 from itmo_video.cli.main import main
@@ -23,7 +25,7 @@ def write_clip(
     with av.open(str(path), "w") as box:
         video = box.add_stream("mpeg4", rate=24)
         video.width, video.height, video.pix_fmt = 64, 48, "yuv420p"
-        sounds = []
+        sounds: list[AudioStream] = []
         for number, tags in enumerate(tracks):
             sound = box.add_stream("aac", rate=48000)
             sound.metadata.update(tags)
@@ -38,17 +40,18 @@ def write_clip(
                 tone = av.AudioFrame.from_ndarray(np.zeros((1, 2000), np.float32), "fltp", "mono")
                 tone.sample_rate, tone.pts = 48000, 2000 * n + 48000 * start_s
                 box.mux(sound.encode(tone))
-        for stream in (video, *sounds):
-            box.mux(stream.encode())
+        box.mux(video.encode())
+        for sound in sounds:
+            box.mux(sound.encode())
     return path
 
 
-def made(source: Path, output: Path, *options: str) -> list[dict[str, object]]:
+def made(source: Path, output: Path, *options: str) -> list[dict[str, Any]]:
     """The streams of a preview: type, language, default flag, first and last time."""
     speed = [] if "prores" in options else ["--speed", "12"]
     assert main(["preview", str(source), str(output), *speed, "--quiet", *options]) == 0
     with av.open(str(output)) as box:
-        found = [
+        found: list[dict[str, Any]] = [
             {"type": stream.type, "language": stream.metadata.get("language"),
              "title": stream.metadata.get("title") or stream.metadata.get("name"),
              "default": bool(int(stream.disposition) & 1)}
