@@ -57,7 +57,7 @@ def nuke_read(frames: FrameSequence) -> str:
         f" first {first}\n last {last}\n origfirst {first}\n origlast {last}\n origset true\n"
         f" colorspace {_tcl(OCIO_NAMES[frames.primaries])}\n"
         f" label {_tcl(f'1.0 = SDR white = {frames.white_nits:g} nits')}\n"
-        f" name {_tcl('Read_' + ''.join(c if c.isalnum() else '_' for c in frames.stem))}\n}}\n"
+        f" name {_tcl(f'Read_{_word(frames.stem)}')}\n}}\n"
     )
 
 
@@ -89,7 +89,7 @@ def usd_dome_light(frames: FrameSequence) -> str:
 def ocio_note(frames: FrameSequence) -> str:
     """The colour space of the files as a rule for an OpenColorIO config's `file_rules` (YAML)."""
     name, space = OCIO_NAMES[frames.primaries], INTEROP_IDS[frames.primaries]
-    rule = "itmo_" + "".join(c if c.isalnum() else "_" for c in frames.stem)
+    rule = f"itmo_{_word(frames.stem)}"
     return (
         f"# {_MARK}: {frames.file_name(frames.numbers[0])} and the files next to it\n"
         f"# Linear light; 1.0 is SDR diffuse white, {frames.white_nits:g} nits. The files state\n"
@@ -155,6 +155,11 @@ def _sequence_in(folder: Path) -> FrameSequence:
         found.first_image.primaries,
         found.white_nits,
     )
+
+
+def _word(text: str) -> str:
+    """The text as a name of ASCII letters, digits and underscores, as Nuke's nodes demand."""
+    return "".join(c if c.isascii() and c.isalnum() else "_" for c in text)
 
 
 def _tcl(text: str) -> str:

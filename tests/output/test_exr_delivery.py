@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import re
 import subprocess
 from pathlib import Path
 from typing import Any
@@ -136,6 +137,16 @@ def test_the_header_tells_what_the_operator_uses(clip: Path, tmp_path: Path) -> 
 
 def converted(clip: Path, folder: Path, *flags: str) -> subprocess.CompletedProcess[str]:
     return command.run("convert", clip, folder, *flags)
+
+
+def test_a_nuke_node_has_an_ascii_name(clip: Path, tmp_path: Path) -> None:
+    """Nuke's names are letters, digits and underscores, whatever the file's name is."""
+    named = tmp_path / "nuit d'été 1.mkv"
+    named.write_bytes(clip.read_bytes())
+    done = converted(named, tmp_path / "o", "--side-files", "nuke", "--frames", "1")
+    assert done.returncode == 0, done.stderr
+    text = (tmp_path / "o" / "nuit d'été 1.nk").read_text("utf-8")
+    assert re.search(r'^ name "Read_nuit_d__t__1"$', text, re.MULTILINE)
 
 
 def test_nuke_and_ocio_side_files(clip: Path, tmp_path: Path) -> None:
