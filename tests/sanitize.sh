@@ -27,6 +27,7 @@ assert library.library() is not None, library.state()
 assert library.__file__.startswith('$scratch'), library.__file__
 print('kernels under sanitizers:', library.state())"
 "$python" -m pytest -q -x -p no:cacheprovider -p no:xdist tests/kernels/test_native.py tests/kernels/test_deflate.py tests/kernels/test_kernel_arguments.py \
-  tests/kernels/test_kernel_extremes.py tests/delivery/test_to_codes.py tests/output/test_exr.py
+  tests/kernels/test_kernel_extremes.py tests/kernels/test_area_means.py tests/operators/test_auto_network.py \
+  tests/operators/test_near_white.py tests/delivery/test_to_codes.py tests/output/test_exr.py
 "$python" tests/faults/exr_mutants.py --count "${MUTANTS:-200}" --seed 22 2>&1 | grep -v EXR_ERR_
 echo "nothing found"

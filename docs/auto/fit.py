@@ -4,7 +4,7 @@
 DATA holds panoramas/, panoramas_more/ and hdr_images/ (.hdr, .exr). Every fifth panorama by name
 is left out of the fit and used for checks only. Writes OUT/auto.pt at every check, OUT/auto.onnx at
 the end.
-Needs the extra `fit` (PyTorch, ONNX); the product itself runs the result with cv2.dnn.
+Needs the extra `fit` (PyTorch, ONNX); operators/auto_network.py runs the result.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The network of `--operator auto`, in PyTorch: fitted here, run by cv2.dnn in the product.
+"""The network of `--operator auto`, in PyTorch: fitted here; the product has its own form.
 
 From a frame's sRGB codes it predicts, for each place and each of R, G and B, how likely the clipped
 radiance is to exceed each of ten levels; summed up to a peak, that is the expected log2 of the
@@ -17,7 +17,7 @@ from torch.nn import functional
 
 PEAKS = (1000 / 203, 20.0)
 EDGES_STOPS = (0.0, 0.3, 0.6, 0.9, 1.2, 1.6, 2.0, 2.5, 3.1, 3.7, 4.4)
-CHANNELS = (24, 32, 48, 64, 96)
+CHANNELS = (24, 32, 48, 64, 96)  # as in itmo_video/kernels/network.c
 GATE_CENTRE, GATE_SLOPE = 0.9, 40.0  # of the features, on codes
 OPEN_CENTRE, OPEN_SLOPE, OPEN_FROM = 0.787, 20.2, 0.5  # of the result, on linear light
 # BT.2100's ICtCp from linear BT.709 (BT.2087), and the weights of BT.2124's colour difference.
