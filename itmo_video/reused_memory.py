@@ -2,12 +2,16 @@
 
 The system hands out memory page by page, each filled with zeros first: for the half floats of a
 2160p frame that is an eighth of all its CPU time. C libraries keep freed memory only up to 32 MB.
+Only while a clip is rendered (`kept`): what comes one by one may have any size.
 """
 
 from __future__ import annotations
 
 import math
+import threading
 from collections import deque
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
@@ -16,6 +20,8 @@ import numpy.typing as npt
 _MOST_FREE = 4  # of one size
 # By size. Without a lock: a deque needs none, and garbage collection may free a room at any time.
 _free: dict[int, deque[npt.NDArray[np.uint8]]] = {}
+_renders: list[object] = []  # in progress
+_changing = threading.Lock()
 
 
 class _Room:
@@ -30,11 +36,14 @@ class _Room:
         self.__array_interface__ = memory.__array_interface__
 
     def __del__(self) -> None:
-        self._store.append(self._memory)
+        if _renders:
+            self._store.append(self._memory)
 
 
 def empty(shape: tuple[int, ...], dtype: npt.DTypeLike) -> npt.NDArray[Any]:
-    """Np.empty, in memory of an earlier such array of the same size if that is gone."""
+    """Np.empty; within `kept`, in memory of an earlier array of the same size that is gone."""
+    if not _renders:
+        return np.empty(shape, dtype)
     size = math.prod(shape) * np.dtype(dtype).itemsize
     try:
         memory = _free[size].pop()
@@ -43,6 +52,15 @@ def empty(shape: tuple[int, ...], dtype: npt.DTypeLike) -> npt.NDArray[Any]:
     return np.asarray(_Room(memory)).view(dtype).reshape(shape)
 
 
-def release() -> None:
-    """Give back to the system what is not in use."""
-    _free.clear()
+@contextmanager
+def kept() -> Iterator[None]:
+    """Keep what `empty` has handed out for the next; after the last of several, give it back."""
+    render = object()
+    _renders.append(render)
+    try:
+        yield
+    finally:
+        with _changing:
+            _renders.remove(render)
+            if not _renders:
+                _free.clear()

@@ -218,6 +218,7 @@ def map_between(
 
 
 @single_opencv_thread()
+@reused_memory.kept()
 def render_frames(
     clip: Clip,
     wanted: Sequence[int],
@@ -268,5 +269,4 @@ def render_frames(
         raise
     finally:
         pool.shutdown(wait=True, cancel_futures=True)
-        reused_memory.release()
     return ended

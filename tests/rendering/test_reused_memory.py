@@ -4,19 +4,23 @@ from __future__ import annotations
 
 import gc
 import threading
+from collections.abc import Callable, Iterator
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 import pytest
 
 from itmo_video import reused_memory
 
 
 @pytest.fixture(autouse=True)
-def _empty_store() -> None:
-    reused_memory.release()
+def _rendering() -> Iterator[None]:
+    with reused_memory.kept():
+        yield
 
 
-def _address(array: np.ndarray) -> int:
+def _address(array: npt.NDArray[Any]) -> int:
     return int(array.__array_interface__["data"][0])
 
 
@@ -46,7 +50,7 @@ def test_memory_is_used_again_for_the_same_size() -> None:
         lambda a: np.frombuffer(a[2], np.uint8),
     ],
 )
-def test_any_view_keeps_the_memory(part) -> None:  # type: ignore[no-untyped-def]
+def test_any_view_keeps_the_memory(part: Callable[[npt.NDArray[Any]], Any]) -> None:
     whole = reused_memory.empty((3, 40, 50), np.float16)
     whole[:] = 7
     kept = part(whole)
@@ -75,3 +79,14 @@ def test_threads_never_share() -> None:
     for thread in threads:
         thread.join()
     assert not wrong
+
+
+def test_nothing_is_kept_when_nothing_is_rendered(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Pictures of many sizes, one by one, would fill memory."""
+    kept = reused_memory.empty((3, 40, 50), np.float16)
+    monkeypatch.setattr(reused_memory, "_renders", [])
+    reused_memory._free.clear()
+    late = reused_memory.empty((3, 40, 51), np.float16)
+    del late, kept
+    gc.collect()
+    assert not any(reused_memory._free.values())
