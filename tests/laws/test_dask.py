@@ -13,12 +13,12 @@ from pathlib import Path
 import pytest
 from clips import REPOSITORY
 from cluster_runs import SETTINGS
-from command import broken_frames, start, temp_files, wait_for_frames
+from command import broken_frames, start, temp_files
 from same_bytes import assert_same_bytes
 
 from itmo_video import convert
 from itmo_video.cli.main import main
-from itmo_video.cluster import dask_executor
+from itmo_video.cluster import chunks, dask_executor
 from itmo_video.errors import (
     ClusterError,
 )
@@ -88,7 +88,7 @@ def test_local_interrupted(
     local = ("--scheduler", "local", "--jobs", 2, "--durable", "--json")
     process = start("convert", clip, tmp_path, *FLAGS, *local, start_new_session=True)
     try:
-        wait_for_frames(process, 1)
+        wait_until(lambda: frames_in(tmp_path) or process.poll() is not None, "a frame")
         pids = worker_pids(process.pid)
         os.killpg(process.pid, sent)  # as a terminal does
         _, told = process.communicate(timeout=30)
@@ -109,7 +109,7 @@ def test_local_without_its_folder(clip: Path, tmp_path: Path) -> None:
     local = ("--scheduler", "local", "--jobs", 2, "--durable", "--json", "--quiet")
     process = start("convert", clip, out, *FLAGS, *local)
     try:
-        wait_for_frames(process, 1)
+        wait_until(lambda: frames_in(out) or process.poll() is not None, "a frame")
         out.rename(tmp_path / "moved")
         _, told = process.communicate(timeout=180)
     finally:
@@ -183,6 +183,7 @@ def test_a_lost_cluster_does_not_hang(
     address, processes = dask
     out = tmp_path / "out"
     monkeypatch.setattr(dask_executor, "WAIT_S", 2)
+    monkeypatch.setattr(chunks, "chunk_length", lambda *about: chunks.SHORTEST)  # several a worker
 
     def on_event(event: Event) -> None:
         if isinstance(event, FrameDone):
