@@ -8,7 +8,7 @@ from itmo_video.conversion.convert import ToMake, _other_settings, _shortage, fr
 from itmo_video.conversion.frame_ranges import format_ranges
 from itmo_video.conversion.plan import keys_on_grid, make_plan
 from itmo_video.conversion.run_options import RunOptions
-from itmo_video.errors import CheckFailedError
+from itmo_video.errors import CheckFailedError, OutputError
 from itmo_video.look import make_look
 from itmo_video.output import disk_space
 from itmo_video.output.folder import OutputFolder
@@ -50,11 +50,20 @@ def describe_plan(
 def verify(
     source: str | Path, output: str | Path, settings: Settings, run: RunOptions
 ) -> list[tuple[Path, str]]:
-    """Check a folder against a planned conversion; (path, problem) for each fault."""
+    """Check a folder against a planned conversion; (path, problem) for each fault.
+
+    If there are any, and the folder was made with other settings, these come first.
+    """
     with open_clip(source, input_options(settings, run.max_pixels)) as clip:
         plan = make_plan(clip, make_look(settings), run)
     folder = OutputFolder(output, plan.clip.stem)
-    return folder.verify({n: plan.fingerprint(n) for n in plan.numbers}, plan.jobs, plan.form)
+    faults = folder.verify({n: plan.fingerprint(n) for n in plan.numbers}, plan.jobs, plan.form)
+    if faults:
+        try:
+            folder.check(plan.manifest)
+        except OutputError as error:  # a flag of the conversion was left out, most likely
+            faults.insert(0, (folder.path, error.what))
+    return faults
 
 
 def require_sound(faults: list[tuple[Path, str]]) -> None:
@@ -65,7 +74,8 @@ def require_sound(faults: list[tuple[Path, str]]) -> None:
     if faults:
         raise CheckFailedError(
             "\n".join(f"{_named(paths)}: {problem}" for (_, problem), paths in alike.items()),
-            remedy="The command without --verify renders what is missing or damaged.",
+            remedy="Verify with all flags of the conversion. "
+            "The command without --verify renders what is missing or damaged.",
         )
 
 
