@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ctypes
 from typing import Any, TypeVar, cast
 
 import cv2
@@ -56,29 +55,18 @@ def averaged(plane: Plane, size: tuple[int, int]) -> Plane:
     while width >= 2 * size[0] and height >= 2 * size[1] and width % 2 == 0 and height % 2 == 0:
         width, height = width // 2, height // 2
         small = cv2.resize(small, (width, height), interpolation=cv2.INTER_AREA)
-    if width % size[0] or height % size[1]:
-        return cast(Plane, _area_means(small, size))
-    small = cv2.resize(small, size, interpolation=cv2.INTER_AREA)  # by whole factors, or larger
-    return cast(Plane, small.reshape(size[1], size[0]))
-
-
-def _compiled_area_means(
-    loaded: ctypes.CDLL, plane: npt.NDArray[Any], size: tuple[int, int]
-) -> npt.NDArray[Any]:
-    height, width = plane.shape
-    if width < size[0] or height < size[1]:
-        return _by_opencv(plane, size)
-    return compiled_area.area_means(loaded, plane, size)
-
-
-@with_compiled_form(_compiled_area_means)
-def _area_means(plane: npt.NDArray[Any], size: tuple[int, int]) -> npt.NDArray[Any]:
-    return _by_opencv(plane, size)
+    is_larger = width < size[0] or height < size[1]
+    if is_larger or not (width % size[0] or height % size[1]):  # or by whole factors
+        return cast(Plane, _by_opencv(small, size))
+    return cast(Plane, _area_means(small, size))
 
 
 def _by_opencv(plane: npt.NDArray[Any], size: tuple[int, int]) -> npt.NDArray[Any]:
     small = cv2.resize(plane, size, interpolation=cv2.INTER_AREA)
     return np.asarray(small).reshape(size[1], size[0])
+
+
+_area_means = with_compiled_form(compiled_area.area_means)(_by_opencv)
 
 
 def analysis_guide(frame: Frame, map_width: int) -> Float32:

@@ -69,16 +69,22 @@ def strip_to_rgb_linear(frame: Frame, rows: slice, clip: bool, out: Planes) -> N
     _ycbcr_to_linear(frame, rows, clip, out)
 
 
-def _compiled_halved(loaded: ctypes.CDLL, frame: Frame, out: Planes) -> None:
+def _compiled_halved(loaded: ctypes.CDLL, frame: Frame) -> Planes:
     codes = codes_to_light(frame, True) if frame.encoding.family == "ycbcr" else None
     if codes is None or codes.exponent is None:
-        _halved(frame, out)
-        return
+        return _halved_in_strips(frame)
+    out = _halved_planes(frame)
     compiled_light.halved_light(loaded, frame.planes[:3], codes, out)
+    return out
 
 
-def _halved(frame: Frame, out: Planes) -> None:
-    width, height = frame.size
+def _halved_planes(frame: Frame) -> Planes:
+    red, green, blue = np.empty((3, frame.size[1] // 2, frame.size[0] // 2), np.float32)
+    return red, green, blue
+
+
+def _halved_in_strips(frame: Frame) -> Planes:
+    (width, height), out = frame.size, _halved_planes(frame)
     for rows in strips(height):  # even ones
         rgb = strip_buffers(rows, width)
         strip_to_rgb_linear(frame, rows, True, rgb)
@@ -87,15 +93,16 @@ def _halved(frame: Frame, out: Planes) -> None:
             # While it is in the cache: cv2 gives the same bytes for strips.
             inner = plane[rows.start // 2 : rows.stop // 2]
             cv2.resize(strip, size, dst=inner, interpolation=cv2.INTER_AREA)
+    return out
 
 
 @with_compiled_form(_compiled_halved)
-def halved_rgb_linear(frame: Frame, out: Planes) -> None:
-    """Write `to_rgb_linear`, clipped and averaged over 2 x 2 pixels: three float32 (H / 2, W / 2).
+def halved_rgb_linear(frame: Frame) -> Planes:
+    """`to_rgb_linear`, clipped and averaged over 2 x 2 pixels: three float32 (H / 2, W / 2).
 
     The frame's sides are even.
     """
-    _halved(frame, out)
+    return _halved_in_strips(frame)
 
 
 def _compiled_to_linear(

@@ -68,13 +68,7 @@ def frame_rgb_small(frame: Frame, size: tuple[int, int]) -> Float32:
     """Linear RGB of a frame, area-averaged to (width, height): float32 (H, W, 3) in [0, 1]."""
     width, height = frame.size
     if width % 2 == 0 and height % 2 == 0 and width >= 2 * size[0] and height >= 2 * size[1]:
-        shape = (height // 2, width // 2)
-        planes = (
-            np.empty(shape, np.float32),
-            np.empty(shape, np.float32),
-            np.empty(shape, np.float32),
-        )
-        linear_light.halved_rgb_linear(frame, planes)
+        planes = linear_light.halved_rgb_linear(frame)
     else:
         planes = linear_light.to_rgb_linear(frame, clip=True)
     small = planes if size == planes[0].shape[::-1] else [averaged(p, size) for p in planes]

@@ -7,10 +7,8 @@
 CLONED void itmo_ramps(const float *values, float low, float scale, int64_t count,
                        float *restrict out)
 {
-    for (int64_t x = 0; x < count; x++) {
-        float t = between((values[x] - low) * scale, 0, 1);
-        out[x] = t * t * (3 - 2 * t);
-    }
+    for (int64_t x = 0; x < count; x++)
+        out[x] = ramp_of(values[x], low, scale);
 }
 
 /* A picture of `rows` x `width`, and where its maps and ratio are: pointers to the first line. */

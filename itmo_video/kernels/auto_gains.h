@@ -110,16 +110,13 @@ INLINE void separation_of_block(const float *const *rgb, const float *n, int64_t
     for (int64_t x = 0; x < size; x++) {
         float greatest = red[x] > green[x] ? red[x] : green[x];
         greatest = greatest > blue[x] ? greatest : blue[x];
-        float t = between((greatest - apart_from) * per_apart, 0, 1);
-        open[x] = t * t * (3 - 2 * t);
+        open[x] = ramp_of(greatest, apart_from, per_apart);
     }
     for (int c = 0; c < 3; c++) {
         const float *plane = rgb[c] + at;
         float *restrict out = own + c * across;
-        for (int64_t x = 0; x < size; x++) {
-            float t = between((plane[x] - with_from) * per_with, 0, 1);
-            out[x] = t * t * (3 - 2 * t) * open[x];
-        }
+        for (int64_t x = 0; x < size; x++)
+            out[x] = ramp_of(plane[x], with_from, per_with) * open[x];
     }
 }
 

@@ -13,12 +13,6 @@ INLINE float smaller(float a, float b)
     return a < b ? a : b;
 }
 
-INLINE float ramp_of(float value, float low, float scale)
-{
-    float t = between((value - low) * scale, 0, 1);
-    return t * t * (3 - 2 * t);
-}
-
 /* See compiled_near_white.greatest. */
 CLONED void itmo_greatest(const float *rgb, int64_t count, float *restrict out)
 {

@@ -17,6 +17,13 @@ INLINE float two_to(float x, int32_t whole)
     return p * scale;
 }
 
+/* 0 up to `low`, 1 from 1 / `scale` above it on, smooth in between. */
+INLINE float ramp_of(float value, float low, float scale)
+{
+    float t = between((value - low) * scale, 0, 1);
+    return t * t * (3 - 2 * t);
+}
+
 /* A whole number nearest to x, from -1000 to 1000, or next to that; without a branch. */
 INLINE int32_t nearest(float x)
 {

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import pytest
 from clips import exr_bytes, moving_scene, write_ffv1
+from cluster_runs import files
 from command import COMMAND, broken_frames, run, start, temp_files, wait_for_frames
 from same_bytes import assert_same_bytes
 
@@ -37,10 +38,6 @@ def whole(clip: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, byt
     done = run("convert", clip, out, *FLAGS)
     assert done.returncode == 0, done.stderr
     return files(out)
-
-
-def files(folder: Path) -> dict[str, bytes]:
-    return {path.name: path.read_bytes() for path in sorted(folder.iterdir())}
 
 
 def goes_on(clip: Path, out: Path, whole: dict[str, bytes], after: str) -> None:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from clips import moving_scene, write_ffv1
+from luminance_operators import by_luminance
 
 from itmo_video import RunOptions, convert
 from itmo_video.expand_map.key_map import make_key_map
@@ -24,12 +25,6 @@ from itmo_video.operators import (
 from itmo_video.operators.bilateral_grid import cross_bilateral
 from itmo_video.presets import make_settings
 from itmo_video.rendering.frame import render
-
-
-def by_luminance(name: str) -> LuminanceOperator:
-    operator = OPERATORS[name]
-    assert isinstance(operator, LuminanceOperator)
-    return operator
 
 
 @pytest.mark.parametrize(

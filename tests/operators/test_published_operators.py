@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from luminance_operators import by_luminance
 
 from itmo_video.expand_map.key_map import make_key_map
 from itmo_video.look import make_look
@@ -16,7 +17,6 @@ from itmo_video.operators import (
     OPERATORS,
     Context,
     FrameStats,
-    LuminanceOperator,
     bt2446,
     drago2003,
     filmic,
@@ -30,12 +30,6 @@ from itmo_video.rendering.frame import render
 
 DISPLAY = np.linspace(1e-4, 1, 1001)
 STATS = FrameStats(0.0, 1.0, 0.1, 0.5, 0.01, 0.8)
-
-
-def by_luminance(name: str) -> LuminanceOperator:
-    operator = OPERATORS[name]
-    assert isinstance(operator, LuminanceOperator)
-    return operator
 
 
 def make(name: str, l_max: float, stats: FrameStats = STATS, **given: float) -> Context:

@@ -9,6 +9,7 @@ from clips import moving_scene, write_ffv1
 from served import BASE, PORT, TOKEN
 from starlette.testclient import TestClient
 
+from itmo_video import analyse
 from itmo_video.studio.desk import Desk
 from itmo_video.studio.document import Document
 from itmo_video.studio.server import make_app
@@ -36,3 +37,8 @@ def client(desk: Desk) -> TestClient:
 def clip(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("studio") / "scene.mkv"
     return write_ffv1(path, moving_scene(14, width=96, height=64, cuts=(8,)))
+
+
+@pytest.fixture(scope="module")
+def document(clip: Path) -> Document:
+    return Document("default", {}, analyse(clip))

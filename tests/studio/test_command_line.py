@@ -10,9 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from clips import moving_scene, write_ffv1
 
-from itmo_video import analyse
 from itmo_video.cli.main import _parser
 from itmo_video.cli.option_flags import given
 from itmo_video.cli.parser_facts import commands_of
@@ -28,17 +26,6 @@ from itmo_video.studio.saving import (
     command,
 )
 from itmo_video.studio.studio_options import StudioOptions
-
-
-@pytest.fixture(scope="module")
-def clip(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    path = tmp_path_factory.mktemp("studio") / "scene.mkv"
-    return write_ffv1(path, moving_scene(14, width=96, height=64, cuts=(8,)))
-
-
-@pytest.fixture(scope="module")
-def document(clip: Path) -> Document:
-    return Document("default", {}, analyse(clip))
 
 
 def test_the_command_is_quoted() -> None:

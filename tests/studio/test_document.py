@@ -9,9 +9,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from clips import moving_scene, write_ffv1
 
-from itmo_video import analyse, make_settings, read_analysis
+from itmo_video import make_settings, read_analysis
 from itmo_video.errors import OutputError, UsageError
 from itmo_video.source.opening import open_clip
 from itmo_video.studio.document import (
@@ -29,17 +28,6 @@ from itmo_video.studio.saving import (
     plain_name,
     preset_toml,
 )
-
-
-@pytest.fixture(scope="module")
-def clip(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    path = tmp_path_factory.mktemp("studio") / "scene.mkv"
-    return write_ffv1(path, moving_scene(14, width=96, height=64, cuts=(8,)))
-
-
-@pytest.fixture(scope="module")
-def document(clip: Path) -> Document:
-    return Document("default", {}, analyse(clip))
 
 
 def spans(document: Document) -> list[tuple[int, int]]:

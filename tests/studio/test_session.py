@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from clips import moving_scene, write_ffv1
 
 from itmo_video import make_settings
 from itmo_video.conversion.convert import convert
@@ -28,12 +27,6 @@ OTHERS: dict[str, Any] = {
     "temporal": "blend", "smooth_keys": 2, "edge_aware": False, "noise_guard": True,
     "projection": "latlong", "transfer": "gamma22", "range": "limited", "primaries": "rec2020",
 }  # fmt: skip
-
-
-@pytest.fixture(scope="module")
-def clip(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    path = tmp_path_factory.mktemp("studio") / "scene.mkv"
-    return write_ffv1(path, moving_scene(14, width=96, height=64, cuts=(8,)))
 
 
 @pytest.fixture
