@@ -6,6 +6,7 @@ from pathlib import Path
 
 from itmo_video.conversion.convert import ToMake, _other_settings, _shortage, frames_to_make
 from itmo_video.conversion.frame_ranges import format_ranges
+from itmo_video.conversion.left_frames import left_frames
 from itmo_video.conversion.plan import keys_on_grid, make_plan
 from itmo_video.conversion.run_options import RunOptions
 from itmo_video.errors import CheckFailedError, OutputError
@@ -42,6 +43,8 @@ def describe_plan(
     ]
     if plan.shots:
         lines.append(f"{counted(len(plan.shots), 'shot')} with their own settings")
+    if (run.update or run.overwrite) and not run.null:
+        lines += [f"notice: {left}" for left in left_frames(plan, folder, plan.numbers)]
     if not run.null and (short := _shortage(plan, folder, len(todo))):
         lines.append(f"warning: {short}")
     return "\n".join(lines)

@@ -14,6 +14,7 @@ import numpy as np
 
 from itmo_video.conversion.exr_headers import exr_header
 from itmo_video.conversion.frame_ranges import format_ranges
+from itmo_video.conversion.left_frames import left_frames
 from itmo_video.conversion.plan import Plan, make_plan
 from itmo_video.conversion.run_options import RunOptions
 from itmo_video.errors import DamagedInputError, OutputError, UsageError
@@ -136,6 +137,9 @@ def convert(
     summary.seconds = time.monotonic() - began
     if unexpanded := nothing_expanded(plan, summary):
         on_event(Warned(unexpanded))
+    if (run.update or run.overwrite) and not run.null:
+        for left in left_frames(plan, folder, {*plan.numbers} - {*summary.missing}):
+            on_event(Warned(left))
     on_event(Finished(**dataclasses.asdict(summary)))
     cut_short = plan.clip.frames_cut_off if run.frames is None else 0
     if ended or summary.missing or summary.damaged or cut_short:

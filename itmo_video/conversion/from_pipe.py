@@ -11,6 +11,7 @@ from pathlib import Path
 from itmo_video.conversion.convert import Summary, nothing_expanded, peak_of
 from itmo_video.conversion.exr_headers import exr_header
 from itmo_video.conversion.frame_ranges import format_ranges, parse_ranges
+from itmo_video.conversion.left_frames import left_frames
 from itmo_video.conversion.plan import Plan
 from itmo_video.conversion.run_options import RunOptions
 from itmo_video.errors import DamagedInputError, OutputError, UsageError
@@ -118,6 +119,9 @@ def convert_pipe(
     summary.seconds = time.monotonic() - began
     if unexpanded := nothing_expanded(plan, summary):
         on_event(Warned(unexpanded))
+    if run.overwrite and not run.null:
+        for left in left_frames(plan, folder, made):
+            on_event(Warned(left))
     on_event(Finished(**asdict(summary)))
     told = pipe_damage(clip, run, summary.missing)
     if summary.damaged:

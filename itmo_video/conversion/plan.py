@@ -81,7 +81,10 @@ class Plan:
 
     def fingerprint(self, number: int) -> str:
         """The fingerprint of everything a frame depends on: settings, source, index, algorithm."""
-        index = self.numbers[number]
+        return self.fingerprint_at(self.numbers[number])
+
+    def fingerprint_at(self, index: int) -> str:
+        """The fingerprint of the frame at `index`, also of frames that are not planned."""
         return fingerprint(self._settings_texts[id(self.look_at(index))], index)
 
     def form(self, number: int) -> FrameForm:

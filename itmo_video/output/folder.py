@@ -11,12 +11,12 @@ import errno
 import json
 import os
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from itertools import islice
 from pathlib import Path
-from typing import Literal
+from typing import Literal, TypeVar
 
 from itmo_video.errors import InputError, OutputError
 from itmo_video.output.atomic import (
@@ -27,10 +27,14 @@ from itmo_video.output.atomic import (
     write_whole,
 )
 from itmo_video.output.exr import read_exr
+from itmo_video.output.exr_fingerprint import stated_fingerprint
 from itmo_video.output.frame_form import FrameForm
 from itmo_video.output.manifest import MANIFEST_NAME, Manifest, read_manifest
 
 FrameState = Literal["missing", "whole", "concealed", "damaged", "other"]
+
+_T = TypeVar("_T")
+_NUMBERED = re.compile(r".+\.\d{4,}\.exr", re.DOTALL | re.ASCII)
 
 Forms = Callable[[int], FrameForm | None]  # of frames by number
 
@@ -167,15 +171,17 @@ class OutputFolder:
     def states(
         self, fingerprints: Mapping[int, str], jobs: int = 1, forms: Forms = lambda number: None
     ) -> dict[int, FrameState]:
-        """Yield the `state` of each frame, checking `jobs` of them at a time."""
-        states: dict[int, FrameState] = {}
-        numbers = iter(sorted(fingerprints))
-        with ThreadPoolExecutor(jobs, thread_name_prefix="look") as pool:
-            # In batches, so that the pool's queue stays short and Ctrl-C works.
-            while batch := list(islice(numbers, 16 * jobs)):
-                found = pool.map(lambda n: self.state(n, fingerprints[n], forms(n)), batch)
-                states.update(zip(batch, found, strict=True))
-        return states
+        """The `state` of each frame, checking `jobs` of them at a time."""
+        return _looked_at(fingerprints, jobs, lambda n: self.state(n, fingerprints[n], forms(n)))
+
+    def fingerprints(self, numbers: Iterable[int], jobs: int = 1) -> dict[int, str | None]:
+        """What frames state of themselves, by their headers; see exr_fingerprint."""
+        return _looked_at(numbers, jobs, lambda n: stated_fingerprint(self.frame_path(n)))
+
+    def other_frames(self) -> list[str]:
+        """The names of EXR files that are numbered like ours but belong to another stem."""
+        ours = {self.frame_path(number).name for number in self.frame_numbers()}
+        return sorted(n for n in self._names() if _NUMBERED.fullmatch(n) and n not in ours)
 
     def verify(
         self, fingerprints: Mapping[int, str], jobs: int = 1, forms: Forms = lambda number: None
@@ -224,6 +230,17 @@ class OutputFolder:
             with suppress(OSError):
                 temp.unlink()
         return True
+
+
+def _looked_at(numbers: Iterable[int], jobs: int, look: Callable[[int], _T]) -> dict[int, _T]:
+    """What `look` finds of each number, rising, `jobs` of them at a time."""
+    found: dict[int, _T] = {}
+    rest = iter(sorted(numbers))
+    with ThreadPoolExecutor(jobs, thread_name_prefix="look") as pool:
+        # In batches, so that the pool's queue stays short and Ctrl-C works.
+        while batch := list(islice(rest, 16 * jobs)):
+            found.update(zip(batch, pool.map(look, batch), strict=True))
+    return found
 
 
 def _refuse_another(present: Manifest, wanted: Manifest, where: str) -> None:

@@ -1,0 +1,64 @@
+"""A run over part of a folder names the frames that it leaves with other settings."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from clips import moving_scene, write_ffv1
+
+from itmo_video import RunOptions, convert, make_settings
+from itmo_video.conversion import checking
+from itmo_video.events import Event, Warned
+
+OLD = make_settings("paper", lights=16, radius=64)
+NEW = make_settings("paper", lights=16, radius=64, peak_nits=600.0)
+
+
+@pytest.fixture
+def clip(tmp_path: Path) -> Path:
+    return write_ffv1(tmp_path / "clip.mkv", moving_scene(8, width=48, height=32))
+
+
+def _told(clip: Path, out: Path, run: RunOptions) -> list[str]:
+    """What a run says of the frames that it leaves."""
+    events: list[Event] = []
+    convert(clip, out, NEW, run, events.append)
+    told = [event.message for event in events if isinstance(event, Warned)]
+    return [text for text in told if "other settings" in text or "not of this" in text]
+
+
+def test_an_update_of_part_names_the_rest(tmp_path: Path, clip: Path) -> None:
+    out = tmp_path / "out"
+    convert(clip, out, OLD)
+    planned = checking.describe_plan(clip, out, NEW, RunOptions(frames="2-3", update=True))
+    assert "notice: 6 frames (1,4-8) keep other settings" in planned
+    (told,) = _told(clip, out, RunOptions(frames="2-3", update=True))
+    assert told.startswith("6 frames (1,4-8) keep other settings; the same command for all frames")
+    assert _told(clip, out, RunOptions(frames="1-7", overwrite=True)) == [
+        "1 frame (8) keeps other settings; the same command for all frames (without --frames) "
+        "re-renders them"
+    ]
+    assert _told(clip, out, RunOptions(update=True)) == []
+    assert _told(clip, out, RunOptions(frames="2", update=True)) == [], "all have them now"
+    assert checking.verify(clip, out, NEW, RunOptions()) == []
+
+
+def test_frames_of_other_numbers_and_other_clips_are_named(tmp_path: Path, clip: Path) -> None:
+    out, other = tmp_path / "out", tmp_path / "other.mkv"
+    convert(clip, out, OLD, RunOptions(frames="1-4"))
+    (told,) = _told(clip, out, RunOptions(start_number=4, update=True))
+    assert told.startswith("3 EXR files in the folder are not of this conversion (clip.0001.exr,")
+    write_ffv1(other, moving_scene(2, width=48, height=32))
+    (told,) = _told(other, out, RunOptions(overwrite=True))
+    assert told.startswith("11 EXR files")
+    assert "(clip.0001.exr, clip.0002.exr, clip.0003.exr, ...)" in told
+
+
+def test_a_frame_that_cannot_be_read_has_no_settings(tmp_path: Path, clip: Path) -> None:
+    out = tmp_path / "out"
+    convert(clip, out, OLD, RunOptions(frames="1-3"))
+    (out / "clip.0001.exr").write_bytes(b"")
+    (out / "clip.0002.exr").write_bytes((out / "clip.0002.exr").read_bytes()[:2000])
+    (told,) = _told(clip, out, RunOptions(frames="4", update=True))
+    assert told.startswith("2 frames (2-3) keep"), "a cut file still states its settings"
