@@ -64,7 +64,7 @@ def srgb_codes(loaded: ctypes.CDLL, rgb_linear: Float32) -> Float32:
 def packed(loaded: ctypes.CDLL, layers: Iterable[tuple[Float32, Float32]]) -> Float32:
     """Weights (out, in, 3, 3) or (out, in, 1, 1) and biases (out,) of all layers, for `shares`.
 
-    Channels of 0 make up vectors. Each 3 x 3 becomes 6 x 6 places (network.c).
+    Channels of 0 make up vectors. Each 3 x 3 becomes 6 x 6 places (winograd.h).
     """
     parts: list[Float32] = []
     for weight, bias in layers:
