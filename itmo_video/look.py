@@ -53,6 +53,7 @@ class Look:
             return ()
         about = f"operator {self.settings.operator}"
         about += "" if self.needs_map else ", no Expand Map"
+        about += ", footage clipped" if "lamps" in idle and self.operator.sees == "rgb" else ""
         return (f"{', '.join(sorted(idle))} has no effect with these settings ({about})",)
 
     @property
@@ -68,6 +69,8 @@ class Look:
             idle |= set() if settings.noise_guard else {"radius"}
         if operator.sees != "rgb":
             idle |= {"footage", "hue", "lamps"}
+        elif settings.footage == "clipped":
+            idle.add("lamps")
         if settings.temporal == "per-frame":
             idle.add("key_interval")
         if settings.temporal != "tracked":

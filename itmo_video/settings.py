@@ -88,7 +88,8 @@ class Settings:
         choices=("restore", "keep"),
     )  # fmt: skip
     lamps: float = setting(
-        1.0, float, "operator auto: brightness of small lights recorded below white; 0 leaves them",
+        1.0, float, "operator auto: brightness of small lights recorded below white in tone-mapped "
+        "footage; above 1 not only at night, 0 leaves them",
         lower=0, upper=4, metavar="X",
     )  # fmt: skip
     over_white: str = setting(

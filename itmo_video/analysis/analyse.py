@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from itmo_video.analysis.edit_lists import read_edit
+from itmo_video.analysis.lamps import lamps_count
 from itmo_video.analysis.model import Analysis, Bars, Shot, Statistics
 from itmo_video.analysis.suggestions import suggestions
 from itmo_video.colour import linear_light
@@ -61,7 +62,8 @@ class _Tally:
             return None
         measures = (self.rendering / max(1, self.frames)).tolist()
         found = replace(Rendering(*measures), footage=settings.footage)
-        return found.in_words(settings.l_max_effective)
+        told = found.in_words(settings.l_max_effective)
+        return told if lamps_count(found, settings) else f"{told}; lamps has no effect"
 
     def statistics(self) -> Statistics:
         levels = ((np.arange(_BINS) + 0.5) / _BINS) ** _GAMMA

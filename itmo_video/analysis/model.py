@@ -20,7 +20,9 @@ READ_ME = "read_me"
 _HOW_TO_EDIT = (
     "Edit the shots: give one any setting of the look, as on the command line, such as "
     '"strength": 0.5 or "peak_nits": 600, or a "preset"; "enabled": false leaves it SDR; '
-    "convert and preview read this file with --analysis"
+    'convert and preview read this file with --analysis. In statistics, "clipped" is the share of '
+    'pixels whose luma (of RGB: a channel) is at 99 % of white or more; "rendering" counts those '
+    "in which any channel clips"
 )
 
 

@@ -173,7 +173,9 @@ def in_words(analysis: Analysis) -> str:
         f"{counted(analysis.frames, 'frame')}, {counted(len(analysis.shots), 'shot')}, "
         f"{counted(len(analysis.keyframes), 'keyframe')}",
         f"luminance: mean {statistics.mean:.3f}, median {statistics.p50:.3f}, "
-        f"99 % {statistics.p99:.3f}; {statistics.clipped:.2%} of the pixels at white or within 1 %",
+        f"99 % {statistics.p99:.3f}",
+        f"{statistics.clipped:.2%} of the pixels have a luma (of RGB, a channel) at 99 % of white "
+        "or more",
     ]
     if any((bars.left, bars.right, bars.top, bars.bottom)):
         lines.append(

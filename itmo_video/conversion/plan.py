@@ -9,6 +9,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+from itmo_video.analysis.lamps import lamps_notices
 from itmo_video.analysis.model import Analysis
 from itmo_video.conversion.frame_ranges import format_ranges, parse_ranges
 from itmo_video.conversion.run_options import RunOptions
@@ -27,7 +28,7 @@ from itmo_video.source import timecode
 from itmo_video.source.clip import Clip, first_number
 from itmo_video.words import frames_are
 
-ALGORITHM = 11  # raise it whenever the same settings give other pixels
+ALGORITHM = 12  # raise it whenever the same settings give other pixels
 
 
 @dataclass(frozen=True)
@@ -171,7 +172,7 @@ def make_plan(clip: Clip, look: Look, run: RunOptions) -> Plan:
     memory = max(spans.memory_bound_bytes(width, height, wide, own, jobs) for own in looks)
     notices = (
         *info.notices, *look.notices, *_no_timecode(info), *_panorama(info, look.settings),
-        *_left_out(numbers, first, run.analysis),
+        *_left_out(numbers, first, run.analysis), *lamps_notices(clip, numbers, look.settings),
     )  # fmt: skip
     return Plan(info, look, numbers, first, memory, jobs, shots, notices, info.frames)
 

@@ -102,7 +102,11 @@ class Rendering:
             )
         if self.white < WHITE_FULL and self.clipped < 1e-3:
             return f"nothing reaches white ({reached} it): left as it is"
-        return f"{self.clipped:.1%} clipped, as by a camera; clipped highlights are restored"
+        at_white = f"a channel at {CLIPPED_FROM:.1%} of white"
+        return (
+            f"{self.clipped:.1%} clipped ({at_white}), as by a camera; clipped highlights are "
+            "restored"
+        )
 
 
 def rendering_of(rgb_linear: Float32, footage: str = "auto") -> Rendering:
