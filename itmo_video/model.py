@@ -30,8 +30,8 @@ Origin = Literal["tag", "assumed", "set"]
 class Encoding:
     """How a frame's integer codes represent colour.
 
-    `origins` states for "matrix", "range", "transfer" and "primaries" whether the value comes from
-    the file's tags, is assumed, or was set by the user.
+    `origins` states for "matrix", "range", "transfer", "primaries" and (of 4:2:0) "siting" whether
+    the value comes from the file's tags, is assumed, or was set by the user.
 
     >>> from itmo_video import open_clip
     >>> with open_clip("photo.png") as clip:

@@ -34,6 +34,8 @@ def clip_facts(info: ClipInfo) -> dict[str, Any]:
         if name == "matrix" and encoding.family != "ycbcr":
             continue
         facts[name] = {"value": getattr(encoding, name), "from": encoding.origins.get(name)}
+    if "siting" in encoding.origins:
+        facts["chroma_siting"] = {"value": encoding.siting, "from": encoding.origins["siting"]}
     if info.notices:
         facts["notices"] = list(info.notices)
     return facts

@@ -89,8 +89,9 @@ class PipeClip(VideoClip):
             Path(name), options.max_pixels, Packets((), {}, (), True), codec, self._stream.index
         )
         facts = facts_at(
-            self._container, self._stream, decoder, first[1], options, _digest(first[1])
-        )
+            self._container, self._stream, decoder, first[1], options, _digest(first[1]),
+            head=self._input.head,
+        )  # fmt: skip
         stem = "stdin" if name == STANDARD_INPUT else Path(name).stem
         self.info = replace(facts.info, path=self._where, stem=stem)
         self._facts = replace(facts, info=self.info)

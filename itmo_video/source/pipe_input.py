@@ -11,13 +11,17 @@ from itmo_video.errors import UsageError
 
 STANDARD_INPUT = "-"
 BUFFER_BYTES = 1 << 20
+HEAD_BYTES = 4096
 
 
 class PipeInput:
-    """Standard input or a FIFO, read as bytes arrive; `close` ends a waiting read."""
+    """Standard input or a FIFO, read as bytes arrive; `close` ends a waiting read.
+
+    `head` is its first bytes, which FFmpeg has read already.
+    """
 
     def __init__(self, name: str) -> None:
-        self.bytes_read = 0
+        self.bytes_read, self.head = 0, b""
         if name == STANDARD_INPUT:
             if sys.stdin is None or sys.stdin.isatty():
                 raise UsageError(
@@ -40,6 +44,8 @@ class PipeInput:
             return b""
         data = os.read(self._fd, size if size > 0 else BUFFER_BYTES)
         self.bytes_read += len(data)
+        if len(self.head) < HEAD_BYTES:
+            self.head += data[: HEAD_BYTES - len(self.head)]
         return data
 
     def close(self) -> None:

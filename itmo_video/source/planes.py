@@ -208,6 +208,11 @@ def full_chroma(planes: tuple[Code, ...], encoding: Encoding) -> tuple[tuple[Cod
     return (luma, cb, cr, *alpha), replace(encoding, bit_depth=16)
 
 
+def is_420(form: Any) -> bool:
+    """Whether a pixel format's chroma is halved in both directions."""
+    return bool((form.chroma_width(2), form.chroma_height(2)) == (1, 1))
+
+
 def pixel_form(frame: Any) -> str:
     """The pixel format's name, without the j of full-range variants."""
     return str(frame.format.name).replace("yuvj", "yuv")

@@ -11,7 +11,9 @@ from typing import Any
 
 from itmo_video.errors import AlreadyHdrError, InputError
 from itmo_video.model import ClipInfo, Code, Encoding
+from itmo_video.regular_file import read_head
 from itmo_video.source import hidden_hdr, tags
+from itmo_video.source.chroma_siting import Y4M, Y4M_HEAD_BYTES, stream_siting, y4m_siting
 from itmo_video.source.code_range import outside_range
 from itmo_video.source.container_facts import track_of
 from itmo_video.source.cropping import Crop, cropped, cropped_size, usable
@@ -21,7 +23,7 @@ from itmo_video.source.digest import SourceFiles
 from itmo_video.source.files import check_pixels
 from itmo_video.source.frame_timing import packet_notices, timing, timing_notices
 from itmo_video.source.packets import Packets, open_video, scan_packets
-from itmo_video.source.planes import Turn, picture_of, pixel_form, upright
+from itmo_video.source.planes import Turn, is_420, picture_of, pixel_form, upright
 from itmo_video.source.streams import choose_video, codec_tag
 from itmo_video.source.stretches import numbered
 from itmo_video.source.tags import InputOptions
@@ -73,8 +75,9 @@ def find_facts(
             decoder = _as_countable(decoder)
         decoder, first, begun = _first_frame(decoder, container_name in CAPTURES)
         track = track_of(path, container, stream)
+        head = read_head(path, Y4M_HEAD_BYTES) if container_name == Y4M else b""
         digest = source.digest(packets.end_byte)
-        return facts_at(container, stream, decoder, first, options, digest, track), begun
+        return facts_at(container, stream, decoder, first, options, digest, track, head), begun
 
 
 def facts_at(
@@ -85,10 +88,12 @@ def facts_at(
     options: InputOptions,
     digest: str,
     track: TrackFacts | None = None,
+    head: bytes = b"",
 ) -> StreamFacts:
     """The facts about an open stream from its first decoded frame; `digest` is of its content.
 
-    `track` has those from the file's boxes, None for a stream that is not a file.
+    `track` has those from the file's boxes, None for a stream that is not a file; `head` is its
+    first bytes, which count for Y4M.
     """
     path, codec, container_name = decoder.path, decoder.codec, str(container.format.name)
     context = stream.codec_context
@@ -104,6 +109,9 @@ def facts_at(
         tagged = replace(
             tagged, named_transfer="log" if hidden.remedy == hidden_hdr.UNDO_LOG else "pq"
         )
+    siting, doubt = stream_siting(stream), None
+    if container_name == Y4M:
+        siting, doubt = y4m_siting(head)
     stored, told = tags.resolve_encoding(
         tagged,
         options,
@@ -116,6 +124,8 @@ def facts_at(
         codec=codec,
         size=(first.width, first.height),
         where=str(path),
+        siting=siting,
+        is_420=picture.family == "ycbcr" and is_420(first.format),
     )
     turn = tags.frame_turn(first)
     is_interlaced = order != "progressive" or bool(first.interlaced_frame)
@@ -129,6 +139,7 @@ def facts_at(
     )
     _, chosen = choose_video(container, options.stream, str(path))
     notices = [*([chosen] if chosen else []), *told]
+    notices += [doubt] if doubt else []
     if hidden is not None:
         notices.append(hidden.what)
     size = (first.width, first.height)

@@ -106,8 +106,12 @@ def resolve_encoding(
     codec: str,
     size: tuple[int, int],
     where: str,
+    siting: ChromaSiting | None = None,
+    is_420: bool = False,
 ) -> tuple[Encoding, tuple[str, ...]]:
     """Decide how codes are read, by the settings, the tags or conventions, with notices.
+
+    `siting` is the stated one of chroma, which counts for 4:2:0 (`is_420`).
 
     Raises AlreadyHdrError for PQ, HLG, linear and log tags that the user does not override, and
     InputError for a matrix that is not Y'CbCr.
@@ -191,17 +195,22 @@ def resolve_encoding(
                 "primaries", "auto", _PRIMARIES.get(tags.primaries, tags.named_primaries), "rec709"
             ),
         ),
-        siting=_siting(codec),
+        siting=siting or _siting(codec),
         has_alpha=has_alpha,
         origins=origins,
     )
+    if is_420:
+        origins["siting"] = "assumed" if siting is None else "tag"
+        assumed += [f"chroma siting {encoding.siting}"] if siting is None else []
     if assumed:
         told.append(f"not tagged, so assumed: {', '.join(assumed)}")
     return encoding, tuple(told)
 
 
 def _siting(codec: str) -> ChromaSiting:
-    # PyAV does not expose the stream's chroma location, so the codec's convention is used.
+    """The codec's convention, where nothing states it."""
+    if codec == "dvvideo":
+        return "topleft"
     return "center" if codec in ("mpeg1video", "mjpeg", "webp", "vp8", "theora") else "left"
 
 
