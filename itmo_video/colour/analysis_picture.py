@@ -55,15 +55,21 @@ def averaged(plane: Plane, size: tuple[int, int]) -> Plane:
     while width >= 2 * size[0] and height >= 2 * size[1] and width % 2 == 0 and height % 2 == 0:
         width, height = width // 2, height // 2
         small = cv2.resize(small, (width, height), interpolation=cv2.INTER_AREA)
+    return area_means(small, size)
+
+
+def area_means(planes: Plane, size: tuple[int, int]) -> Plane:
+    """Planes (H, W) or (H, W, C) area-averaged to (width, height) in one step."""
+    height, width = planes.shape[:2]
     is_larger = width < size[0] or height < size[1]
     if is_larger or not (width % size[0] or height % size[1]):  # or by whole factors
-        return cast(Plane, _by_opencv(small, size))
-    return cast(Plane, _area_means(small, size))
+        return cast(Plane, _by_opencv(planes, size))
+    return cast(Plane, _area_means(planes, size))
 
 
-def _by_opencv(plane: npt.NDArray[Any], size: tuple[int, int]) -> npt.NDArray[Any]:
-    small = cv2.resize(plane, size, interpolation=cv2.INTER_AREA)
-    return np.asarray(small).reshape(size[1], size[0])
+def _by_opencv(planes: npt.NDArray[Any], size: tuple[int, int]) -> npt.NDArray[Any]:
+    small = cv2.resize(planes, size, interpolation=cv2.INTER_AREA)
+    return np.asarray(small).reshape(*size[::-1], *planes.shape[2:])
 
 
 _area_means = with_compiled_form(compiled_area.area_means)(_by_opencv)

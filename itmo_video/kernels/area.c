@@ -3,16 +3,18 @@
 #include "loops.h"
 
 /* The means of `count` areas of a line: up to `taps` neighbours from `starts` on, weighted by `shares`, a
-   row of `count` for each neighbour. */
-INLINE void line_means(const float *line, int64_t count, int64_t taps, const int32_t *starts,
-                       const float *shares, float *restrict out)
+   row of `count` for each neighbour. Pixels have `channels` side by side. */
+INLINE void line_means(const float *line, int64_t count, int64_t channels, int64_t taps,
+                       const int32_t *starts, const float *shares, float *restrict out)
 {
     for (int64_t x = 0; x < count; x++) {
-        const float *from = line + starts[x];
-        float sum = from[0] * shares[x];
-        for (int64_t k = 1; k < taps; k++)
-            sum += from[k] * shares[k * count + x];
-        out[x] = sum;
+        const float *from = line + starts[x] * channels;
+        for (int64_t c = 0; c < channels; c++) {
+            float sum = from[c] * shares[x];
+            for (int64_t k = 1; k < taps; k++)
+                sum += from[k * channels + c] * shares[k * count + x];
+            out[x * channels + c] = sum;
+        }
     }
 }
 
@@ -44,8 +46,8 @@ CLONED void itmo_area_means(const uint8_t *plane, int64_t stride, int64_t bytes,
                             const float *row_shares, float *scratch, uint8_t *out)
 {
     int64_t width = sizes[0], out_width = sizes[1], out_height = sizes[2], taps = sizes[3];
-    int64_t down = sizes[4];
-    float *line = scratch, *means = line + width, *sums = means + out_width;
+    int64_t down = sizes[4], channels = sizes[5], count = out_width * channels;
+    float *line = scratch, *means = line + width * channels, *sums = means + count;
     int64_t held = -1; /* the row that `means` are of: the last of an area is often the next one's first */
     for (int64_t y = 0; y < out_height; y++) {
         for (int64_t k = 0; k < down; k++) {
@@ -53,18 +55,22 @@ CLONED void itmo_area_means(const uint8_t *plane, int64_t stride, int64_t bytes,
             if (held != rows[y] + k) {
                 held = rows[y] + k;
                 const uint8_t *from = plane + held * stride;
-                line_of_floats(from, bytes, width, line);
+                line_of_floats(from, bytes, width * channels, line);
                 const float *given = bytes == 4 ? (const float *)from : line;
-                if (taps == 2)
-                    line_means(given, out_width, 2, columns, column_shares, means);
-                else if (taps == 3)
-                    line_means(given, out_width, 3, columns, column_shares, means);
+                if (taps == 2 && channels == 1)
+                    line_means(given, out_width, 1, 2, columns, column_shares, means);
+                else if (taps == 3 && channels == 1)
+                    line_means(given, out_width, 1, 3, columns, column_shares, means);
+                else if (taps == 3 && channels == 3)
+                    line_means(given, out_width, 3, 3, columns, column_shares, means);
+                else if (taps == 4 && channels == 3)
+                    line_means(given, out_width, 3, 4, columns, column_shares, means);
                 else
-                    line_means(given, out_width, taps, columns, column_shares, means);
+                    line_means(given, out_width, channels, taps, columns, column_shares, means);
             }
-            for (int64_t x = 0; x < out_width; x++)
+            for (int64_t x = 0; x < count; x++)
                 sums[x] = k ? sums[x] + means[x] * share : means[x] * share;
         }
-        put_line(sums, bytes, out_width, out + y * out_width * bytes);
+        put_line(sums, bytes, count, out + y * count * bytes);
     }
 }

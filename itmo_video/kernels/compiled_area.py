@@ -15,25 +15,27 @@ from itmo_video.kernels.compiled import Float32, in_lines
 Plane = TypeVar("Plane", bound=npt.NDArray[Any])
 
 
-def area_means(loaded: ctypes.CDLL, plane: Plane, size: tuple[int, int]) -> Plane:
-    """A plane (H, W) of uint8, uint16 or float32, averaged to (width, height): a new array.
+def area_means(loaded: ctypes.CDLL, planes: Plane, size: tuple[int, int]) -> Plane:
+    """Planes (H, W) or (H, W, C) of uint8, uint16 or float32, averaged to (width, height).
 
-    The bytes of cv2.resize by INTER_AREA, for a size that is not larger, and not both sides by
-    whole factors.
+    A new array, with the bytes of cv2.resize by INTER_AREA, for a size that is not larger, and not
+    both sides by whole factors.
     """
-    (height, width), (out_width, out_height) = plane.shape, size
-    if not (0 < out_width <= width and 0 < out_height <= height):
+    (height, width), (out_width, out_height) = planes.shape[:2], size
+    channels = planes.shape[2] if planes.ndim == 3 else 1
+    if not (0 < out_width <= width and 0 < out_height <= height and channels):
         raise ValueError(f"{width}x{height} averaged to {out_width}x{out_height}")
-    lines = in_lines(plane)
+    whole = np.ascontiguousarray(planes) if planes.ndim == 3 else planes
+    lines = in_lines(whole.reshape(height, width * channels))
     columns, column_shares = _areas(width, out_width)
     rows, row_shares = _areas(height, out_height)
     taps, down = len(column_shares), len(row_shares)
-    out = np.empty((out_height, out_width), plane.dtype)
+    out = np.empty((*size[::-1], *planes.shape[2:]), planes.dtype)
     loaded.itmo_area_means(
         lines, lines.strides[0], lines.itemsize,
-        np.array([width, out_width, out_height, taps, down], np.int64),
+        np.array([width, out_width, out_height, taps, down, channels], np.int64),
         columns, column_shares, rows, row_shares,
-        np.empty(width + 2 * out_width, np.float32), out.view(np.uint8),
+        np.empty((width + 2 * out_width) * channels, np.float32), out.view(np.uint8),
     )  # fmt: skip
     return out  # type: ignore[return-value]
 

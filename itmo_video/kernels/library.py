@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-_VERSION = 20  # of the kernels
+_VERSION = 21  # of the kernels
 
 
 class _Array:

@@ -2,5 +2,5 @@
 
 int itmo_version(void)
 {
-    return 20;
+    return 21;
 }

@@ -53,14 +53,18 @@ def with_near(known: Float32, around: Float32, low: float, high: float) -> Float
     return np.asarray(np.maximum(known, near * greatest_of(known)[..., None]), np.float32)
 
 
-def averaged(planes: Float32, size: tuple[int, int]) -> Float32:
-    """Each plane of (H, W) or (H, W, C) area-averaged to (width, height)."""
-    small = cv2.resize(planes, size, interpolation=cv2.INTER_AREA)
-    return np.asarray(small, np.float32).reshape(*size[::-1], *planes.shape[2:])
-
-
 def blurred(planes: Float32, sigma: float) -> Float32:
-    """Each plane smoothed by a Gaussian of standard deviation `sigma`, in pixels."""
-    taps = 2 * round(3 * sigma) + 1
-    soft = cv2.GaussianBlur(planes, (taps, taps), sigma, borderType=cv2.BORDER_REFLECT)
-    return np.asarray(soft, np.float32).reshape(planes.shape)
+    """Each plane smoothed by a Gaussian of standard deviation `sigma`, in pixels; none below 0."""
+    reach_px = round(3 * sigma)
+    filled = np.flatnonzero(planes.reshape(len(planes), -1).max(1))
+    if not filled.size:
+        return np.zeros_like(planes)
+    # Only rows that are reached by others than of 0, which most planes here are full of.
+    rows = slice(max(0, int(filled[0]) - reach_px), int(filled[-1]) + reach_px + 1)
+    taps = 2 * reach_px + 1
+    band = cv2.GaussianBlur(planes[rows], (taps, taps), sigma, borderType=cv2.BORDER_REFLECT)
+    if len(band) == len(planes):
+        return np.asarray(band, np.float32).reshape(planes.shape)
+    soft = np.zeros_like(planes)
+    soft[rows] = band.reshape(soft[rows].shape)
+    return soft

@@ -14,6 +14,7 @@ from collections.abc import Sequence
 import cv2
 import numpy as np
 
+from itmo_video.colour.analysis_picture import area_means
 from itmo_video.colour.luminance import greatest_of
 from itmo_video.kernels import compiled_near_white
 from itmo_video.kernels.dispatch import with_compiled_form
@@ -25,7 +26,6 @@ from itmo_video.operators.auto_clipping import (
     LEAST_BRIGHT,
     NEAR_FROM,
     NEAR_WHOLLY,
-    averaged,
     blurred,
 )
 from itmo_video.operators.ramps import ramps
@@ -77,9 +77,9 @@ def colour_lost(rgb_linear: Float32, colour: Float32) -> Float32:
     shown = ramps(greatest, SHOWN_FROM, SHOWN_WHOLLY)
     shown *= 1 - ramps(greatest, NEAR_FROM, NEAR_WHOLLY)
     sigma = FAR_AROUND_PX / _SMALLER
-    weight = blurred(averaged(shown, size), sigma)
-    seen = averaged(_joined([plane * shown for plane in _planes(rgb_linear)]), size)
-    own = [np.log2(np.maximum(plane, _DARK)) for plane in _planes(averaged(colour, size))]
+    weight = blurred(area_means(shown, size), sigma)
+    seen = area_means(_joined([plane * shown for plane in _planes(rgb_linear)]), size)
+    own = [np.log2(np.maximum(plane, _DARK)) for plane in _planes(area_means(colour, size))]
     span = cv2.max(cv2.max(own[0], own[1]), own[2]) - cv2.min(cv2.min(own[0], own[1]), own[2])
     far = [np.log2(plane / (weight + _TRACE) + _DARK) for plane in _planes(blurred(seen, sigma))]
     short = [there - here for there, here in zip(far, own, strict=True)]
@@ -133,8 +133,8 @@ def decided_together(stops: Float32, rgb_linear: Float32, lost: Float32) -> Floa
     """
     height, width = rgb_linear.shape[:2]
     size = _quarter(width, height)
-    bright = averaged(ramps(greatest_of(rgb_linear), NEAR_FROM, NEAR_WHOLLY), size)
-    clips = averaged(ramps(rgb_linear, CLIPS_FROM, CLIPS_WHOLLY), size)
+    bright = area_means(ramps(greatest_of(rgb_linear), NEAR_FROM, NEAR_WHOLLY), size)
+    clips = area_means(ramps(rgb_linear, CLIPS_FROM, CLIPS_WHOLLY), size)
     sigma = FAR_AROUND_PX / _SMALLER
     share = greatest_of(blurred(clips, sigma)) / (blurred(bright, sigma) + np.float32(LEAST_BRIGHT))
     share = cv2.resize(share, (width, height), interpolation=cv2.INTER_LINEAR)

@@ -115,16 +115,17 @@ def rendering_of(rgb_linear: Float32, footage: str = "auto") -> Rendering:
     `footage` is the setting of that name, which overrides the estimate unless it is "auto".
     """
     greatest = greatest_of(rgb_linear)
-    clipped = greatest >= np.float32(CLIPPED_FROM)
-    bright = (greatest >= np.float32(BRIGHT_FROM)) & ~clipped
-    just_below = (greatest >= np.float32(JUST_BELOW)) & ~clipped
+    clipped, just_below, bright = (
+        np.count_nonzero(greatest >= np.float32(light))
+        for light in (CLIPPED_FROM, JUST_BELOW, BRIGHT_FROM)
+    )
     dark, middle, white = _quantiles(greatest, (0.1, 0.5, WHITE_SHARE))
     return Rendering(
-        float(clipped.mean()),
-        float(bright.mean()),
+        clipped / greatest.size,
+        (bright - clipped) / greatest.size,
         float(white),
         float(middle) ** (1 / _GAMMA),
-        float(just_below.mean()),
+        (just_below - clipped) / greatest.size,
         float(dark),
         footage,
     )

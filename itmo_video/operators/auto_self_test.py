@@ -12,9 +12,10 @@ import math
 
 import numpy as np
 
+from itmo_video.colour.analysis_picture import area_means
 from itmo_video.colour.luminance import greatest_of
 from itmo_video.model import Float32
-from itmo_video.operators.auto_clipping import CLIPS_FROM, CLIPS_WHOLLY, averaged
+from itmo_video.operators.auto_clipping import CLIPS_FROM, CLIPS_WHOLLY
 from itmo_video.operators.auto_levels import expected_levels, level_shares
 from itmo_video.operators.ramps import ramp, ramps
 
@@ -42,7 +43,7 @@ def self_test(rgb_linear: Float32, mean_stops: float, wrap_x: bool = False) -> f
     height, width = rgb_linear.shape[:2]
     if width > TEST_WIDTH_PX:
         size = TEST_WIDTH_PX, max(1, round(height * TEST_WIDTH_PX / width))
-        rgb_linear = averaged(rgb_linear, size)
+        rgb_linear = area_means(rgb_linear, size)
     greatest = greatest_of(rgb_linear)
     white = ramps(greatest, CLIPS_FROM, CLIPS_WHOLLY)
     between = ramps(greatest, TEST_WHITE, TEST_WHITE * BETWEEN_FROM) * (1 - white)

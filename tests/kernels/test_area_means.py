@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from compiled_kernels import loaded, needs_kernels
 
-from itmo_video.colour.analysis_picture import averaged
+from itmo_video.colour.analysis_picture import area_means, averaged
 from itmo_video.kernels import compiled_area, library
 
 SIZES = [  # from (height, width) to (width, height)
@@ -31,12 +31,15 @@ def test_bytes_are_opencvs(
     shape: tuple[int, int], size: tuple[int, int], kind: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     top = 1 if kind is np.float32 else np.iinfo(kind).max
-    plane = (np.random.default_rng(5).random((shape[0], shape[1] + 3)) * top).astype(kind)
-    plane = plane[:, : shape[1]]  # lines with gaps, as a decoder's
-    ours = averaged(plane, size)
+    planes = (np.random.default_rng(5).random((shape[0], shape[1] + 3, 3)) * top).astype(kind)
+    plane = planes[..., 1].copy()[:, : shape[1]]  # lines with gaps, as a decoder's
+    planes = planes[:, : shape[1]]
+    ours, three = averaged(plane, size), area_means(planes, size)
     monkeypatch.setattr(library, "library", lambda: None)
     assert np.array_equal(ours, averaged(plane, size))
     assert ours.shape == size[::-1]
+    assert np.array_equal(three, area_means(planes, size))
+    assert three.shape == (*size[::-1], 3)
 
 
 @needs_kernels

@@ -248,13 +248,13 @@ def test_truth_on_scenes_that_the_fit_has_not_seen(tmp_path: Path) -> None:
 def test_certainty_by_what_the_network_says_of_clipped_places() -> None:
     shares = np.zeros((3, 10, 16, 32), np.float32)
     clipped = np.zeros((32, 64), np.float32)
-    assert auto_levels.certainty(shares, clipped) == 1, "nothing clips"
+    assert auto_levels.certainty(auto_levels.where_clipped(shares, clipped)) == 1, "nothing clips"
     clipped[:, 32:] = 1
     shares[..., :16] = 0.5  # where nothing clips
     shares[:, :3, :, 16:] = 1
-    assert auto_levels.certainty(shares, clipped) == pytest.approx(1)
+    assert auto_levels.certainty(auto_levels.where_clipped(shares, clipped)) == pytest.approx(1)
     shares[:, :3, :, 16:] = 0.3
-    assert auto_levels.certainty(shares, clipped) == pytest.approx(0.3)
+    assert auto_levels.certainty(auto_levels.where_clipped(shares, clipped)) == pytest.approx(0.3)
 
 
 def test_where_the_network_is_not_certain_highlights_rise_by_less(

@@ -60,8 +60,8 @@ def test_it_does_not_count_where_there_is_nothing_to_test_by(
 def test_the_mean_of_what_the_network_says_of_clipped_places() -> None:
     shares = np.zeros((3, 10, 16, 32), np.float32)
     clipped = np.zeros((32, 64), np.float32)
-    assert auto_levels.mean_stops(shares, clipped) == 0, "nothing clips"
+    assert auto_levels.mean_stops(auto_levels.where_clipped(shares, clipped)) == 0, "nothing clips"
     clipped[:, 32:] = 1
     shares[..., :16] = 1  # where nothing clips
     shares[:, :2, :, 16:] = 0.5  # half of it 0.6 stops above white
-    assert auto_levels.mean_stops(shares, clipped) == pytest.approx(0.3)
+    assert auto_levels.mean_stops(auto_levels.where_clipped(shares, clipped)) == pytest.approx(0.3)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+import cv2
 import numpy as np
 import pytest
 
@@ -60,6 +61,16 @@ def test_pictures_of_other_sizes_raise() -> None:
         compiled_near_white.bounded_parting(loaded, one, one, other, 1.0, (0.5, 1.0), 1e-3)
     with pytest.raises(ValueError, match="shape"):
         compiled_near_white.greatest(loaded, one[..., :2])
+
+
+@pytest.mark.parametrize("rows", [(0, 0), (0, 2), (11, 12), (30, 40), (0, 40)], ids=str)
+@pytest.mark.parametrize("sigma", [1, 2.5])
+def test_rows_of_zeros_are_left_out_of_a_blur(rows: tuple[int, int], sigma: float) -> None:
+    planes = np.zeros((40, 31, 3), np.float32)
+    planes[slice(*rows)] = np.random.default_rng(6).random(planes.shape, np.float32)[slice(*rows)]
+    taps = 2 * round(3 * sigma) + 1
+    whole = cv2.GaussianBlur(planes, (taps, taps), sigma, borderType=cv2.BORDER_REFLECT)
+    assert np.array_equal(auto_clipping.blurred(planes, sigma), whole)
 
 
 @pytest.mark.parametrize("shares", [(0.0, 1.0), (0.1, 0.5, 0.999)], ids=str)
