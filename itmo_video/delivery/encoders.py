@@ -29,13 +29,17 @@ _CODE_POINTS: dict[str, tuple[int, int, int]] = {
 _CHROMA_SITED_LEFT = "chroma-sample-position=left"  # SVT-AV1's; hdr.py filters it so
 
 
-def encode_avif(planes: YCbCr, crf: float, signal: Signal = "pq") -> bytes:
+def encode_avif(
+    planes: YCbCr, crf: float, signal: Signal = "pq", size: tuple[int, int] | None = None
+) -> bytes:
     """A 10-bit BT.2020 AVIF still, PQ or HLG, 4:2:0, by the encoder used for films.
 
-    UsageError for pictures that are too small for that encoder.
+    `size` is (width, height) where the planes were padded to even ones. UsageError for pictures
+    that are too small for that encoder.
     """
     target = io.BytesIO()
     height, width = planes[0].shape
+    width, height = size or (width, height)
     check_size("av1", width, height, "AVIF", "Write a .png.")
     with av.open(target, "w", format="avif") as box:
         stream: Any = box.add_stream(
@@ -51,7 +55,8 @@ def encode_avif(planes: YCbCr, crf: float, signal: Signal = "pq") -> bytes:
         tag_signal(stream.codec_context, signal)
         with svt_as_guest():
             stream.codec_context.open()
-        frame = frame_of(planes, "yuv420p10le")
+        luma, *chroma = planes
+        frame = frame_of((luma[:height, :width], *chroma), "yuv420p10le")
         frame.pts = 0
         tag_signal(frame, signal)
         box.mux(stream.encode(frame))

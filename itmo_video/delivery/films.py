@@ -40,6 +40,7 @@ from itmo_video.source.opening import is_film
 from itmo_video.words import counted
 
 Y4M_SUFFIX = ".y4m"
+OVER_BLACK = "alpha is not written: transparent pixels are over black"
 _NO_LIGHT = Light(0.0, 0.0)
 
 
@@ -82,8 +83,8 @@ def write_film(
         with closing(_writer(output, gate, spec, options, pictures, run, first.time_s)) as writer:
             for notice in writer.notices:
                 on_event(Warned(notice))
-            if first.has_alpha and options.codec in MASTERS and not keeps_alpha:
-                on_event(Warned("alpha is not written; --codec prores4444 keeps it"))
+            for notice in _changes(pictures, spec, first.has_alpha):
+                on_event(Warned(notice))
             try:
                 for frame, length in _with_durations(first, shown, pictures.last_length_s):
                     planes = frame.planes if frame.alpha is None else (*frame.planes, frame.alpha)
@@ -97,6 +98,19 @@ def write_film(
         shown.close()  # type: ignore[attr-defined]  # whoever maps, it is a generator
     size = writer.bytes_written if isinstance(writer, Y4mWriter) else output.stat().st_size
     return count, light, size
+
+
+def _changes(pictures: Pictures, spec: FilmSpec, had_alpha: bool) -> Iterator[str]:
+    """What of the pictures the film does not keep: alpha, odd sizes."""
+    if had_alpha and not spec.has_alpha:
+        remedy = "; --codec prores4444 keeps it (.mov)" if spec.codec in MASTERS else ""
+        yield OVER_BLACK + remedy
+    width, height = pictures.size
+    if spec.height - height == height % 2 == 1 or spec.width - width == width % 2 == 1:
+        yield (
+            f"the film is {spec.width}x{spec.height}, the picture {width}x{height}: the last "
+            "column or row is repeated, as films have even sizes"
+        )
 
 
 def _writer(

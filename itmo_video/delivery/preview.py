@@ -105,7 +105,7 @@ def preview(
                 f"{output.name} is a still, but there is more than one frame",
                 remedy="Choose one with --frame N, or name a film, such as film.mp4.",
             )
-        frames, light, size = 1, *write_still(pictures, gate, options)
+        frames, light, size = 1, *write_still(pictures, gate, options, on_event)
     else:
         frames, light, size = write_film(pictures, output, gate, options, run, on_event)
     seconds = time.monotonic() - began

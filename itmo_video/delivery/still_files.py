@@ -9,7 +9,7 @@ from itmo_video.delivery import hdr, sdr, stills
 from itmo_video.delivery.avif_properties import with_light
 from itmo_video.delivery.eetf import to_display
 from itmo_video.delivery.encoders import encode_avif
-from itmo_video.delivery.films import crf_of
+from itmo_video.delivery.films import OVER_BLACK, crf_of
 from itmo_video.delivery.gain_map import gain_map_jpeg
 from itmo_video.delivery.hdr import Light
 from itmo_video.delivery.metadata import Mastering
@@ -17,6 +17,7 @@ from itmo_video.delivery.pictures import Picture, Pictures
 from itmo_video.delivery.preview_options import PreviewOptions
 from itmo_video.delivery.views import light_of, sdr_view, shown_peak, signal_of
 from itmo_video.errors import DamagedInputError, UsageError
+from itmo_video.events import OnEvent, Warned
 from itmo_video.kernels.compiled_codes import Curve
 from itmo_video.output.gate import Gate
 
@@ -44,7 +45,9 @@ def check_still_options(suffix: str, options: PreviewOptions) -> None:
         raise UsageError("a comparison in HDR must be PQ", remedy="Name it .avif or .png.")
 
 
-def write_still(pictures: Pictures, gate: Gate, options: PreviewOptions) -> tuple[Light, int]:
+def write_still(
+    pictures: Pictures, gate: Gate, options: PreviewOptions, on_event: OnEvent
+) -> tuple[Light, int]:
     """Write the picture; returns its light levels (zeros for SDR) and the bytes written.
 
     Raises DamagedInputError if it cannot be decoded.
@@ -53,6 +56,8 @@ def write_still(pictures: Pictures, gate: Gate, options: PreviewOptions) -> tupl
     shown_peak(pictures, options)  # raises for an impossible one
 
     def make(picture: Picture) -> tuple[bytes, Light]:
+        if picture.alpha is not None:
+            on_event(Warned(OVER_BLACK))
         if signal_of(options) == "sdr":
             return stills.sdr_still(sdr_view(picture, pictures, options), suffix), _NO_LIGHT
         if suffix in _JPEG:
@@ -79,7 +84,8 @@ def _hdr_still(
             options.display_peak,
         )  # fmt: skip
         crf = crf_of(options)
-        still = encode_avif(planes, _AVIF_CRF if crf is None else crf, signal)
+        height, width = rgb[0].shape  # the codes are padded to even sizes
+        still = encode_avif(planes, _AVIF_CRF if crf is None else crf, signal, (width, height))
         return with_light(still, stated, light) if curve == "pq" else still, light
     nits = hdr.to_nits_2020(rgb, primaries, white, pictures.peak_nits)
     nits = to_display(nits, pictures.peak_nits, options.display_peak)

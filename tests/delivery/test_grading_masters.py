@@ -244,7 +244,9 @@ def test_prores_4444_keeps_alpha_with_straight_colours(
     capsys.readouterr()
     done = main(["preview", str(cut), str(tmp_path / "no.mov"), "--codec", "dnxhr"])
     assert done == 0
-    assert "alpha is not written; --codec prores4444 keeps it" in capsys.readouterr().err
+    said = capsys.readouterr().err
+    assert "alpha is not written: transparent pixels are over black; --codec prores4444" in said
+    assert "the film is 280x166, the picture 279x165: the last column or row" in said
     made(cut, tmp_path / "no.y4m", "--codec", "prores4444")
     film = made(cut, tmp_path / "both.mov", "--codec", "prores4444", "--as", "compare")
     with av.open(str(film)) as box:

@@ -181,6 +181,41 @@ def test_ffprobe_sees_them(clip: Path, tmp_path: Path) -> None:
         assert video["pix_fmt"] == "yuv420p10le"
 
 
+@pytest.mark.parametrize("size", [(61, 43), (60, 43), (61, 44)])
+def test_avif_keeps_odd_sizes(size: tuple[int, int], tmp_path: Path) -> None:
+    width, height = size
+    codes = np.full((height, width, 3), 60, np.uint8)
+    codes[-1, :, 1] = codes[:, -1, 1] = 200
+    source = tmp_path / "odd.png"
+    cv2.imwrite(str(source), codes)
+    path = made(source, tmp_path / "odd.avif", "--crf", "1", "--as", "hlg")
+    frame, seen = decoded(path)
+    assert (frame.width, frame.height) == size
+    green = seen[1] > 0.5
+    assert green[-1].all()
+    assert green[:, -1].all()
+    assert not green[:-2, :-2].any()
+    with Image.open(path) as picture:
+        assert picture.size == size
+        picture.load()
+
+
+@pytest.mark.parametrize(
+    ("name", "flags"),
+    [("a.mp4", ()), ("a.y4m", ("--as", "hlg")), ("a.avif", ()), ("a.png", ()), ("a.jpg", ())],
+)
+def test_alpha_over_black_is_said(
+    name: str, flags: tuple[str, ...], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    codes, told = np.full((64, 64, 4), 200, np.uint8), "transparent pixels are over black"
+    codes[:, 32:, 3] = 0
+    for kind, channels in (("cut", 4), ("opaque", 3)):
+        source = tmp_path / f"{kind}.png"
+        cv2.imwrite(str(source), codes[..., :channels])
+        assert main(["preview", str(source), str(tmp_path / f"{kind}_{name}"), *flags]) == 0
+        assert (told in capsys.readouterr().err) == (kind == "cut")
+
+
 @pytest.mark.parametrize("size", [(1, 1), (2, 1), (1, 2), (3, 5), (4, 1), (1, 4)])
 def test_stills_of_tiny_pictures(size: tuple[int, int], tmp_path: Path) -> None:
     source = tmp_path / "t.png"
