@@ -85,17 +85,17 @@ INLINE void to_nits(float rgb[3][RUN], const float *n, const float *factors, int
     add_light(most, left, light);
 }
 
-/* Display light to scene light, 0 to 1: BT.2100's inverse OOTF, without black lift. */
-INLINE void to_scene(float rgb[3][RUN], const float *n)
+/* Display light to the square root of scene light, 0 to 1: BT.2100's inverse OOTF, without black lift. */
+INLINE void to_scene_root(float rgb[3][RUN], const float *n)
 {
     const float per_peak = 1 / n[PEAK], power = n[HLG_POWER];
     for (int64_t x = 0; x < RUN; x++) {
         float y = FMA(0.0593017f, rgb[2][x], FMA(0.6779981f, rgb[1][x], 0.2627002f * rgb[0][x]));
         y *= per_peak;
-        float stops = log_two(y > 1e-8f ? y : 1e-8f) * power;
+        float stops = rough_log_two(y > 1e-8f ? y : 1e-8f) * power;
         float scale = two_to(stops, nearest(stops)) * per_peak;
         for (int c = 0; c < 3; c++)
-            rgb[c][x] = between(rgb[c][x] * scale, 0, 1);
+            rgb[c][x] = sqrtf(between(rgb[c][x] * scale, 0, 1));
     }
 }
 
@@ -111,7 +111,7 @@ INLINE void quantised(const float *values, int64_t count, float scale, float off
     memcpy(out, codes, 2 * (size_t)kept);
 }
 
-/* Nits or scene light by the curve to luma, blue minus luma and red minus luma. */
+/* Nits, or the root of scene light, by the curve to luma, blue minus luma and red minus luma. */
 INLINE void to_luma(float rgb[3][RUN], const float *n, int64_t curve, float *restrict y,
                     float *restrict blue_apart, float *restrict red_apart)
 {
@@ -120,7 +120,7 @@ INLINE void to_luma(float rgb[3][RUN], const float *n, int64_t curve, float *res
     for (int64_t x = 0; curve == PQ && x < 3 * RUN; x++)
         all[x] = pq_of(all[x]);
     for (int64_t x = 0; curve == HLG && x < 3 * RUN; x++)
-        all[x] = hlg_of(all[x]);
+        all[x] = hlg_of_root(all[x]);
     for (int64_t x = 0; x < RUN; x++) {
         float r = red[x], g = green[x], b = blue[x];
         float luma = FMA(kb, b, FMA(kg, g, kr * r));

@@ -41,7 +41,7 @@ CLONED void itmo_to_codes(const uint8_t *red, const uint8_t *green, const uint8_
                 if (sizes[CURVE] != AS_IT_IS)
                     to_nits(rgb, n, factors, left, seen);
                 if (sizes[CURVE] == HLG)
-                    to_scene(rgb, n);
+                    to_scene_root(rgb, n);
                 to_luma(rgb, n, sizes[CURVE], y, apart[k][0], apart[k][1]);
                 quantised(y, RUN, n[LUMA], n[LUMA + 1], n, own_noise, kept, out);
             }
