@@ -11,9 +11,27 @@ import av
 import numpy as np
 import numpy.typing as npt
 
+from itmo_video.model import ChromaSiting, Encoding, Family, Range
+
 REPOSITORY = Path(__file__).resolve().parents[1]
 SAMPLES = REPOSITORY / "sample_clips"
 SHARED = REPOSITORY.parent / "shared"
+
+
+def film_encoding(
+    family: Family = "ycbcr",
+    bit_depth: int = 8,
+    *,
+    siting: ChromaSiting = "left",
+    code_range: Range = "limited",
+) -> Encoding:
+    """An SDR film's: BT.709, BT.1886."""
+    return Encoding(family, bit_depth, "bt709", code_range, "bt1886", "rec709", siting)
+
+
+def still_encoding(family: Family = "rgb") -> Encoding:
+    """An SDR still's: sRGB, 8 bits."""
+    return Encoding(family, 8, "bt709", "full", "srgb", "rec709")
 
 
 def write_ffv1(

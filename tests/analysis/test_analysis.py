@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 from analysis_settings import SETTINGS
-from clips import write_ffv1
+from clips import still_encoding, write_ffv1
 from command import run
 
 from itmo_video import analyse, make_settings, read_analysis
@@ -18,7 +18,7 @@ from itmo_video.analysis.model import Analysis, Bars, Statistics
 from itmo_video.analysis.reading import parse_analysis
 from itmo_video.analysis.suggestions import suggestions
 from itmo_video.errors import UsageError
-from itmo_video.model import ClipInfo, Encoding
+from itmo_video.model import ClipInfo
 from itmo_video.settings import Settings
 
 SHOTS = [(1, 17), (18, 18), (19, 30)]
@@ -187,5 +187,5 @@ CLIP_FACTS: dict[str, Any] = {
     "pixel_format": "bgr0", "width": 96, "height": 64, "frames": 24, "frame_rate": Fraction(24),
     "duration_s": Fraction(1), "is_vfr": False, "pixel_aspect": Fraction(1), "rotation_deg": 0,
     "flip": False, "field_order": "progressive", "timecode": None, "digest": "0",
-    "encoding": Encoding("rgb", 8, "bt709", "full", "srgb", "rec709"),
+    "encoding": still_encoding(),
 }  # fmt: skip

@@ -8,12 +8,13 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
+from clips import film_encoding
 
 from itmo_video.colour.analysis_picture import analysis_guide, grey_of
 from itmo_video.colour.luminance import frame_luminance
 from itmo_video.expand_map.key_map import make_key_map
 from itmo_video.look import make_look
-from itmo_video.model import Encoding, Frame
+from itmo_video.model import Frame
 from itmo_video.motion import flow
 from itmo_video.presets import make_settings
 from itmo_video.rendering.frame import render
@@ -33,7 +34,7 @@ def frame_of(size: str, depth: int) -> Frame:
     step = 2 ** (depth - 8)
     luma = np.round(np.clip(16 + 219 * ground, 16, 235) * step)
     chroma = np.full((height // 2, width // 2), 128 * step)
-    encoding = Encoding("ycbcr", depth, "bt709", "limited", "bt1886", "rec709")
+    encoding = film_encoding(bit_depth=depth)
     planes = (luma, chroma, chroma + step)
     stored = tuple(p.astype(np.uint8) if depth == 8 else p.astype(np.uint16) for p in planes)
     return Frame(0, Fraction(0), stored, encoding)

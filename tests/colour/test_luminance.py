@@ -6,11 +6,12 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
+from clips import film_encoding
 
 from itmo_video.colour.analysis_picture import averaged
 from itmo_video.colour.linear_light import to_rgb_linear
 from itmo_video.colour.luminance import frame_luminance, frame_rgb_small
-from itmo_video.model import Encoding, Frame
+from itmo_video.model import Frame
 
 pytestmark = pytest.mark.usefixtures("loops")
 
@@ -19,7 +20,7 @@ def noise(width: int, height: int) -> Frame:
     rng = np.random.default_rng(0)
     luma = rng.integers(16, 236, (height, width), np.uint8)
     chroma = rng.integers(16, 241, (2, -(-height // 2), -(-width // 2)), np.uint8)
-    encoding = Encoding("ycbcr", 8, "bt709", "limited", "bt1886", "rec709")
+    encoding = film_encoding()
     return Frame(0, Fraction(0), (luma, *chroma), encoding)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from clips import still_encoding
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -55,10 +56,10 @@ def test_a_boxed_picture_has_the_map_of_the_picture_alone() -> None:
 
     from itmo_video.expand_map.key_map import make_key_map
     from itmo_video.look import make_look
-    from itmo_video.model import Encoding, Frame
+    from itmo_video.model import Frame
     from itmo_video.presets import make_settings
 
-    encoding = Encoding("grey", 8, "bt709", "full", "srgb", "rec709")
+    encoding = still_encoding("grey")
     y, x = np.mgrid[0:160, 0:320]
     codes = (60 + 40 * np.sin(x / 30) * np.cos(y / 20)).astype(np.uint8)
     codes[np.hypot(x - 100, y - 80) < 20] = 255

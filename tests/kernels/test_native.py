@@ -9,6 +9,7 @@ import hypothesis.strategies as st
 import numpy as np
 import numpy.typing as npt
 import pytest
+from clips import film_encoding
 from compiled_kernels import ByLibraries, loaded, needs_kernels
 from hypothesis import given
 
@@ -20,7 +21,7 @@ from itmo_video.kernels import library
 from itmo_video.kernels.compiled import drive
 from itmo_video.kernels.compiled_light import CodesToLight, ycbcr_rows
 from itmo_video.look import make_look
-from itmo_video.model import Encoding, Family, Frame
+from itmo_video.model import Family, Frame
 from itmo_video.motion import flow
 from itmo_video.operators.base import Context
 from itmo_video.operators.photographic import gain_banterle2006
@@ -64,7 +65,7 @@ def test_guidance(
 ) -> None:
     settings = make_settings("default", noise_guard=guards, map_width=128)
     rng = np.random.default_rng(8)
-    encoding = Encoding("grey", 8, "bt709", "limited", "bt1886", "rec709")
+    encoding = film_encoding("grey")
     frame = Frame(0, Fraction(0), (rng.integers(0, 256, size, dtype=np.uint8),), encoding)
     guide = analysis_guide(frame, 128)
     maps = None
@@ -185,7 +186,7 @@ def picture(family: Family) -> Frame:
         "rgb": (plane(1, 120), plane(1, 140), plane(1, 100)),
         "grey": (plane(1, 120),),
     }
-    encoding = Encoding(family, 8, "bt709", "limited", "bt1886", "rec709")
+    encoding = film_encoding(family)
     return Frame(0, Fraction(0), planes[family], encoding)
 
 

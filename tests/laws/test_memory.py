@@ -13,11 +13,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from clips import moving_scene, write_ffv1
+from clips import moving_scene, still_encoding, write_ffv1
 
 from itmo_video import make_settings
 from itmo_video.look import make_look
-from itmo_video.model import Encoding, Frame
+from itmo_video.model import Frame
 from itmo_video.rendering.spans import frames_in_flight, render_frames
 from itmo_video.source.clip import Clip
 
@@ -62,7 +62,7 @@ class CountedClip(Clip):
             self.most = max(self.most, self._alive)
 
     def frames(self, start: int = 0) -> Iterator[Frame]:
-        encoding = Encoding("grey", 8, "bt709", "full", "srgb", "rec709")
+        encoding = still_encoding("grey")
         for n, picture in enumerate(self._pictures):
             if n >= start:
                 codes = (

@@ -8,13 +8,13 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
-from clips import moving_scene
+from clips import moving_scene, still_encoding
 
-from itmo_video.model import Encoding, Float32, Frame
+from itmo_video.model import Float32, Frame
 from itmo_video.motion.cut_detection import Analysed, analyse_frame, difference, place
 from itmo_video.motion.keyframes import Span, spans
 
-GREY = Encoding("grey", 8, "bt709", "full", "srgb", "rec709")
+GREY = still_encoding("grey")
 
 
 def analysed(count: int, cuts: tuple[int, ...] = (), flash: tuple[int, ...] = ()) -> list[Analysed]:

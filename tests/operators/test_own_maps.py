@@ -8,13 +8,13 @@ from typing import Any
 
 import numpy as np
 import pytest
-from clips import moving_scene, write_ffv1
+from clips import moving_scene, still_encoding, write_ffv1
 from luminance_operators import by_luminance
 
 from itmo_video import RunOptions, convert
 from itmo_video.expand_map.key_map import make_key_map
 from itmo_video.look import make_look
-from itmo_video.model import Encoding, Frame
+from itmo_video.model import Frame
 from itmo_video.operators import (
     OPERATORS,
     Context,
@@ -64,7 +64,7 @@ def test_enhancement_stops_at_edges(name: str) -> None:
 
 
 def rgb_frame(red: Any, green: Any, blue: Any) -> Frame:
-    encoding = Encoding("rgb", 8, "bt709", "full", "srgb", "rec709")
+    encoding = still_encoding()
     return Frame(0, Fraction(0), (red, green, blue), encoding)
 
 
@@ -134,7 +134,7 @@ def test_cross_bilateral_keeps_an_edge_and_smooths_noise() -> None:
 
 def test_the_base_gain_is_what_lies_outside_an_own_map() -> None:
     codes = np.full((40, 60), 90, np.uint8)
-    encoding = Encoding("rgb", 8, "bt709", "full", "srgb", "rec709")
+    encoding = still_encoding()
     frame = Frame(0, Fraction(0), (codes, codes, codes), encoding)
     settings = make_settings(
         "default", operator="rempel2007", l_max=8.0, operator_params={"alpha": 2.0}

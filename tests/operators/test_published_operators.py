@@ -8,11 +8,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+from clips import still_encoding
 from luminance_operators import by_luminance
 
 from itmo_video.expand_map.key_map import make_key_map
 from itmo_video.look import make_look
-from itmo_video.model import Encoding, Frame
+from itmo_video.model import Frame
 from itmo_video.operators import (
     OPERATORS,
     Context,
@@ -164,7 +165,7 @@ def test_every_operator_renders_and_keeps_its_range(name: str) -> None:
     """base + map * (gain - base): a frame with a lamp, through key map and rendering."""
     codes = np.full((54, 96), 60, np.uint8)
     codes[20:30, 40:52] = 255
-    encoding = Encoding("rgb", 8, "bt709", "full", "srgb", "rec709")
+    encoding = still_encoding()
     frame = Frame(0, Fraction(0), (codes, codes, codes), encoding)
     look = make_look(make_settings("default", operator=name, l_max=8.0))
     key_map = make_key_map(frame, look) if look.needs_map else None

@@ -8,12 +8,13 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import pytest
+from clips import film_encoding
 from compiled_kernels import loaded, needs_kernels
 
 from itmo_video import make_settings
 from itmo_video.colour.analysis_picture import analysis_guide
 from itmo_video.look import context_of, make_look
-from itmo_video.model import Encoding, Frame
+from itmo_video.model import Frame
 from itmo_video.operators.protocol import WritesHalves
 from itmo_video.rendering.guidance import Guidance
 from itmo_video.rendering.rows import expand_in_steps, expand_rows
@@ -42,7 +43,7 @@ def picture(size: tuple[int, int], kind: tuple[tuple[int, int], Any, int, Any]) 
         rng.integers(0.4 * 2**bits, 0.6 * 2**bits, (-(-height // down), -(-width // across)))
         for _ in range(2)
     ]
-    encoding = Encoding("ycbcr", bits, "bt709", range_, "bt1886", "rec709", siting)
+    encoding = film_encoding(bit_depth=bits, siting=siting, code_range=range_)
     return Frame(0, Fraction(0), (luma, *(c.astype(dtype) for c in chroma)), encoding)
 
 

@@ -7,11 +7,11 @@ from pathlib import Path
 import av
 import numpy as np
 import pytest
+from clips import film_encoding
 from source_clips import write_packed, write_planes
 
 from itmo_video.colour import linear_light
 from itmo_video.colour.transfer import eotf
-from itmo_video.model import Encoding
 from itmo_video.source import planes
 from itmo_video.source.code_range import outside_range
 from itmo_video.source.opening import open_clip
@@ -92,7 +92,7 @@ def test_bars_of_code_0_do_not_ask_for_full_range(bars: int, inside: int, told: 
     luma[:8], luma[8:12, 16:-16] = 90, inside
     luma[:, :bars] = luma[:, 160 - bars :] = 0
     picture = planes.Picture("ycbcr", 8, False, (luma, *[np.full((48, 80), 128, np.uint8)] * 2))
-    encoding = Encoding("ycbcr", 8, "bt709", "limited", "bt1886", "rec709")
+    encoding = film_encoding()
     assert bool(outside_range(picture, encoding)) == told
 
 

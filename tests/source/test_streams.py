@@ -9,6 +9,7 @@ from pathlib import Path
 import av
 import numpy as np
 import pytest
+from clips import film_encoding
 from oracles import to_rgb_code
 from source_clips import write_streams
 
@@ -128,7 +129,7 @@ def test_cropping_keeps_chroma_where_it_is(crop: tuple[int, int, int, int]) -> N
         rng.integers(16, 235, (96, 64), np.uint8), rng.integers(90, 160, (48, 32), np.uint8),
         rng.integers(90, 160, (48, 32), np.uint8),
     )  # fmt: skip
-    encoding = Encoding("ycbcr", 8, "bt709", "limited", "bt1886", "rec709", "left")
+    encoding = film_encoding()
     want = rgb_of(stored, encoding)[crop[1] : 96 - crop[3], crop[0] : 64 - crop[2]]
     got = rgb_of(*cropping.cropped(stored, encoding, crop))
     assert got.shape == want.shape

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from clips import film_encoding
 from oracles import to_rgb_code
 from source_clips import DATA, read, same, write_scene
 
@@ -33,7 +34,7 @@ def test_turning_planes_turns_the_picture(
     stored = tuple(
         rng.integers(30, 220, shape, dtype=np.uint8) for shape in (size[::-1], small, small)
     )
-    enc = Encoding("ycbcr", 8, "bt709", "limited", "bt1886", "rec709", siting)
+    enc = film_encoding(siting=siting)
     frame = planes_frame(stored, enc)
     want = np.stack(to_rgb_code(frame))
     if turn[1]:
