@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-_VERSION = 21  # of the kernels
+_VERSION = 22  # of the kernels
 
 
 class _Array:
@@ -61,7 +61,7 @@ _ARGUMENTS = {
     "gain_banterle2006": "FffnF",
     "gain_auto": "FFF" + "F" + "FFFF" + "FnnF" + "FFF",
     "auto_from_codes": "pppnLLFF" + "FLFIF" + "LBFF" + "HHH",
-    "add_weighed": "FFnnF",
+    "mean_of_maps": "FLLnnnF",
     "blend": "FFFnnF",
     "halves": "FnH",
     "area_means": "pnnL" + "IFIF" + "FB",

@@ -31,23 +31,34 @@ CLONED void itmo_halved_light(const uint8_t *luma, const uint8_t *cb, const uint
                               const float *levels, const float *matrix, const float *power,
                               float *scratch, float *red, float *green, float *blue)
 {
-    float *line = scratch, *wide[2] = {line + chroma_width + 2, line + 3 * chroma_width + 2};
-    float *y = wide[1] + 2 * chroma_width, *rgb = y + width, *out[3] = {red, green, blue};
+    enum { BLOCK = 256 }; /* pixels of both lines at a time, which stay in the first cache */
+    float *line = scratch, *next = line + chroma_width + 2, *y[2], *wide[2][2], rgb[6 * BLOCK];
+    for (int k = 0; k < 2; k++) {
+        y[k] = next, wide[k][0] = y[k] + width, wide[k][1] = wide[k][0] + 2 * chroma_width;
+        next = wide[k][1] + 2 * chroma_width;
+    }
     Picture picture = {luma, {cb, cr}, luma_stride, {chroma_strides[0], chroma_strides[1]}, bytes,
                        width, chroma_width, chroma_height, site_x, site_y, levels};
     int64_t half = width / 2;
-    for (int64_t row = first; row < first + rows; row++) {
-        for (int64_t k = 0; k < 2; k++) {
-            float *lines = rgb + 3 * width * k;
-            code_lines(&picture, 2 * row + k, line, y, wide);
-            to_rgb(y, wide[0], wide[1], matrix, width, lines, lines + width, lines + 2 * width);
-        }
-        itmo_power(rgb, 6 * width, power);
-        for (int c = 0; c < 3; c++) {
-            const float *above = rgb + c * width, *below = above + 3 * width;
-            float *restrict to = out[c] + (row - first) * half;
-            for (int64_t x = 0; x < half; x++)
-                to[x] = ((above[2 * x] + above[2 * x + 1]) + (below[2 * x] + below[2 * x + 1])) * 0.25f;
+    float *out[3] = {red, green, blue};
+    for (int64_t row = 0; row < rows; row++) {
+        for (int k = 0; k < 2; k++)
+            code_lines(&picture, 2 * (first + row) + k, line, y[k], wide[k]);
+        for (int64_t at = 0; at < width; at += BLOCK) {
+            int64_t size = width - at < BLOCK ? width - at : BLOCK;
+            for (int k = 0; k < 2; k++) {
+                float *part = rgb + 3 * size * k;
+                to_rgb(y[k] + at, wide[k][0] + at, wide[k][1] + at, matrix, size, part, part + size,
+                       part + 2 * size);
+            }
+            itmo_power(rgb, 6 * size, power);
+            for (int c = 0; c < 3; c++) {
+                const float *above = rgb + c * size, *below = above + 3 * size;
+                float *restrict to = out[c] + row * half + at / 2;
+                for (int64_t x = 0; x < size / 2; x++)
+                    to[x] = ((above[2 * x] + above[2 * x + 1]) + (below[2 * x] + below[2 * x + 1])) *
+                            0.25f;
+            }
         }
     }
 }

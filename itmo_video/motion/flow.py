@@ -7,6 +7,7 @@ All pictures here are at analysis size. A flow belongs to the frame that it star
 
 from __future__ import annotations
 
+import functools
 import threading
 from collections.abc import Callable, Sequence
 from typing import cast
@@ -105,14 +106,15 @@ def camera_motion_px(here: Code, flow: Float32) -> Float32:
     excludes moving objects; places without texture do not count. Zero if nothing has texture.
     """
     height, width = here.shape
-    y, x = (np.arange(CAMERA_STEP_PX // 2, side, CAMERA_STEP_PX) for side in (height, width))
-    places = np.ix_(y, x)
+    every = slice(CAMERA_STEP_PX // 2, None, CAMERA_STEP_PX)
     slope = cv2.add(*(cv2.convertScaleAbs(s) for s in cv2.spatialGradient(here)))
-    texture = cv2.blur(slope, (CAMERA_STEP_PX, CAMERA_STEP_PX))[places].ravel().astype(np.float64)
+    texture = (
+        cv2.blur(slope, (CAMERA_STEP_PX, CAMERA_STEP_PX))[every, every].ravel().astype(np.float64)
+    )
     if not texture.any():
         return np.zeros_like(flow)
-    vectors = np.ascontiguousarray(flow[places].reshape(-1, 2).T, np.float64)
-    across, down = (a.ravel() for a in np.meshgrid(x / width - 0.5, y / height - 0.5))
+    vectors = np.ascontiguousarray(flow[every, every].reshape(-1, 2).T, np.float64)
+    across, down = _shares_of_sides(height, width)
     model = camera_model(across, down, vectors, texture, CAMERA_SIGMAS_PX, CAMERA_RIDGE)
     # From shares of the picture's sides to pixels.
     model[1:] /= [[width], [height]]
@@ -165,10 +167,10 @@ def warp_map(key_map: Float32, flow: Float32) -> Float32:
     """A map (there) warped along a flow of its size or a smaller one: same shape."""
     (height, width), (h, w) = key_map.shape[:2], flow.shape[:2]
     if (height, width) != (h, w):
-        flow = cv2.resize(flow, (width, height), interpolation=cv2.INTER_LINEAR)
         # By whole lines, as NumPy takes ten times as long for an inner axis of two.
-        lines = flow.reshape(height, 2 * width)
-        lines *= np.tile(np.array([width / w, height / h], np.float32), width)
+        scale = np.tile(np.array([width / w, height / h], np.float32), w)
+        scaled = (flow.reshape(h, 2 * w) * scale).reshape(h, w, 2)
+        flow = cv2.resize(scaled, (width, height), interpolation=cv2.INTER_LINEAR)
     return warp(key_map, flow)
 
 
@@ -216,10 +218,15 @@ def _blend(left: Float32, right: Float32, share: Float32) -> Float32:
     return np.asarray((right - left) * spread(share, left) + left, np.float32)
 
 
-@with_compiled_form(compiled_maps.add_weighed)
-def add_weighed(total: Float32, values: Float32, weight: Float32) -> None:
-    """Add a map times a weight to another, in place: (H, W) or (H, W, C), the weight (H, W)."""
-    total += values * spread(weight, values)
+@with_compiled_form(compiled_maps.mean_of_maps)
+def mean_of_maps(own: Float32, others: Sequence[Float32], weights: Sequence[Float32]) -> Float32:
+    """The mean of maps (H, W) or (H, W, C), weighted by (H, W), and of `own` by 1: a new array."""
+    total, whole = own.copy(), np.ones(own.shape[:2], np.float32)
+    for values, weight in zip(others, weights, strict=True):
+        total += values * spread(weight, values)
+        whole += weight
+    total /= spread(whole, total)
+    return total
 
 
 def spread(weight: Float32, values: Float32) -> Float32:
@@ -253,6 +260,14 @@ def track_map(
         seen.append(warp_map(key_map, flow))
         weights.append(agreement(here, there, flow))
     return blend_maps(seen[0], seen[1], t, weights[0], weights[1])
+
+
+@functools.lru_cache(maxsize=8)
+def _shares_of_sides(height: int, width: int) -> tuple[Float64, Float64]:
+    """Where the places of a camera's motion are, from -0.5 to 0.5 of the picture's sides."""
+    y, x = (np.arange(CAMERA_STEP_PX // 2, side, CAMERA_STEP_PX) for side in (height, width))
+    across, down = np.meshgrid(x / width - 0.5, y / height - 0.5)
+    return across.ravel(), down.ravel()
 
 
 def _grid(height: int, width: int) -> Float32:
