@@ -200,15 +200,28 @@ def render_job(job: Job, summary: Summary, on_event: OnEvent) -> list[DamagedInp
 
 
 def nothing_expanded(plan: Plan, summary: Summary) -> str | None:
-    """A notice if `auto` left everything unchanged, otherwise None."""
+    """A notice if everything was left as it was, with the likely reason, otherwise None."""
     settings, peak = plan.settings, summary.peak_nits
-    if settings.operator != "auto" or settings.strength == 0 or settings.footage != "auto":
+    is_auto = settings.operator == "auto" and settings.footage == "auto"
+    if settings.strength == 0 or not (is_auto or plan.look.needs_map):
         return None
     if peak is None or peak > _HARDLY * settings.white_nits:
         return None
+    if settings.l_max_effective <= _HARDLY:
+        return (
+            f"nothing is expanded: the maximum is {settings.l_max_effective:.3g} times SDR white; "
+            "raise --peak-nits or --l-max"
+        )
+    if is_auto:
+        return (
+            "hardly anything was expanded: little in this footage seems to have been brighter than "
+            "white; --footage tone-mapped or --preset paper expands it anyway"
+        )
+    if plan.look.operator.sees == "rgb":
+        return None
     return (
-        "hardly anything was expanded: little in this footage seems to have been brighter than "
-        "white; --footage tone-mapped or --preset paper expands it anyway"
+        "hardly anything was expanded: the picture is dark, or nowhere are --min-lights "
+        f"({settings.min_lights}) of the --lights ({settings.lights}) within --radius"
     )
 
 

@@ -27,6 +27,7 @@ from itmo_video.delivery.pictures import Pictures
 from itmo_video.delivery.preview_options import PreviewOptions
 from itmo_video.delivery.sound import source_time_base
 from itmo_video.delivery.views import (
+    WITHOUT_ALPHA,
     ShownFrame,
     frame_with_alpha,
     shown_peak,
@@ -83,7 +84,7 @@ def write_film(
         with closing(_writer(output, gate, spec, options, pictures, run, first.time_s)) as writer:
             for notice in writer.notices:
                 on_event(Warned(notice))
-            for notice in _changes(pictures, spec, first.has_alpha):
+            for notice in _changes(pictures, spec, first, options):
                 on_event(Warned(notice))
             try:
                 for frame, length in _with_durations(first, shown, pictures.last_length_s):
@@ -100,11 +101,13 @@ def write_film(
     return count, light, size
 
 
-def _changes(pictures: Pictures, spec: FilmSpec, had_alpha: bool) -> Iterator[str]:
+def _changes(
+    pictures: Pictures, spec: FilmSpec, first: ShownFrame, options: PreviewOptions
+) -> Iterator[str]:
     """What of the pictures the film does not keep: alpha, odd sizes."""
-    if had_alpha and not spec.has_alpha:
-        remedy = "; --codec prores4444 keeps it (.mov)" if spec.codec in MASTERS else ""
-        yield OVER_BLACK + remedy
+    if first.had_alpha and first.alpha is None:
+        could = spec.codec in MASTERS and options.view not in WITHOUT_ALPHA
+        yield OVER_BLACK + ("; --codec prores4444 keeps it (.mov)" if could else "")
     width, height = pictures.size
     if spec.height - height == height % 2 == 1 or spec.width - width == width % 2 == 1:
         yield (

@@ -14,6 +14,7 @@ from itmo_video.conversion.run_options import RunOptions
 from itmo_video.delivery.films import check_film_options, write_film
 from itmo_video.delivery.from_clip import from_clip
 from itmo_video.delivery.from_folder import from_folder
+from itmo_video.delivery.idle_options import idle_options
 from itmo_video.delivery.preview_options import PreviewOptions
 from itmo_video.delivery.still_files import STILLS, check_still_options, write_still
 from itmo_video.delivery.views import check_view
@@ -95,7 +96,7 @@ def preview(
         pictures = from_clip(source, as_settings(settings), run)
     if options.view == "compare" and source.is_dir() and options.clip is None:
         raise UsageError("--as compare needs the source", remedy="Give it with --source CLIP.")
-    for notice in pictures.notices:
+    for notice in (*pictures.notices, *idle_options(output, options)):
         on_event(Warned(notice))
     on_event(Started(str(source), str(output), len(pictures.numbers), 0))
     if is_still:

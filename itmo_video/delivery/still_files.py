@@ -21,8 +21,8 @@ from itmo_video.events import OnEvent, Warned
 from itmo_video.kernels.compiled_codes import Curve
 from itmo_video.output.gate import Gate
 
-_JPEG, _TIFF = (".jpg", ".jpeg"), (".tif", ".tiff")
-STILLS = (".avif", ".png", *_JPEG, *_TIFF)
+JPEG, _TIFF = (".jpg", ".jpeg"), (".tif", ".tiff")
+STILLS = (".avif", ".png", *JPEG, *_TIFF)
 _AVIF_CRF = 12
 _NO_LIGHT = Light(0.0, 0.0)
 
@@ -39,9 +39,9 @@ def check_still_options(suffix: str, options: PreviewOptions) -> None:
         )
     if options.view == "hlg" and suffix not in (".avif", ".png"):
         raise UsageError("HLG stills must be AVIF or PNG", remedy="Name it .avif or .png.")
-    if suffix in _JPEG and options.display_peak is not None:
+    if suffix in JPEG and options.display_peak is not None:
         raise UsageError("a gain map adapts to any display", remedy="Omit --display-peak.")
-    if suffix in _JPEG and options.view == "compare" and options.hdr_compare:
+    if suffix in JPEG and options.view == "compare" and options.hdr_compare:
         raise UsageError("a comparison in HDR must be PQ", remedy="Name it .avif or .png.")
 
 
@@ -60,7 +60,7 @@ def write_still(
             on_event(Warned(OVER_BLACK))
         if signal_of(options) == "sdr":
             return stills.sdr_still(sdr_view(picture, pictures, options), suffix), _NO_LIGHT
-        if suffix in _JPEG:
+        if suffix in JPEG:
             return _gain_map(picture, pictures, options)
         return _hdr_still(suffix, picture, pictures, options)
 

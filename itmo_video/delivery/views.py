@@ -23,19 +23,22 @@ from itmo_video.errors import UsageError
 from itmo_video.kernels.compiled_codes import Curve
 from itmo_video.model import Float32
 
-_WITHOUT_ALPHA = ("compare", "false-colour", "ladder")  # they say something of the whole picture
+WITHOUT_ALPHA = ("compare", "false-colour", "ladder")  # they say something of the whole picture
 
 
 @dataclass(frozen=True)
 class ShownFrame:
-    """One frame ready to encode, with its number as in file names."""
+    """One frame ready to encode, with its number as in file names.
+
+    `had_alpha` is whether the picture had any, which `alpha` may keep.
+    """
 
     number: int
     time_s: Fraction
     planes: YCbCr
     light: Light
     alpha: Codes10 | None = None
-    has_alpha: bool = False
+    had_alpha: bool = False
 
 
 def signal_of(options: PreviewOptions) -> Signal:
@@ -135,12 +138,11 @@ def frame_with_alpha(
 ) -> ShownFrame:
     """`shown_frame`; where alpha `keeps`, of straight colours, with alpha as 10-bit full range.
 
-    A comparison and its like have none.
+    A comparison and its like keep none.
     """
-    has_alpha = picture.alpha is not None and options.view not in _WITHOUT_ALPHA
-    if picture.alpha is None or not (has_alpha and keeps):
+    if picture.alpha is None or not keeps or options.view in WITHOUT_ALPHA:
         shown = shown_frame(picture, pictures, options, chroma)
-        return replace(shown, has_alpha=has_alpha)
+        return replace(shown, had_alpha=picture.alpha is not None)
     alpha: Float32 = np.asarray(picture.alpha, np.float32)
     whole: Float32 = np.where(alpha > 0, alpha, np.float32(1))
     red, green, blue = (np.asarray(plane / whole, np.float32) for plane in picture.rgb)
@@ -148,7 +150,7 @@ def frame_with_alpha(
     (even,) = hdr.pad_even((alpha,))
     codes = np.rint(np.clip(even, 0, 1) * np.float32(1023)).astype(np.uint16)
     shown = shown_frame(straight, pictures, options, chroma)
-    return replace(shown, alpha=codes, has_alpha=True)
+    return replace(shown, alpha=codes, had_alpha=True)
 
 
 def shown_frame(

@@ -202,7 +202,14 @@ def test_avif_keeps_odd_sizes(size: tuple[int, int], tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("name", "flags"),
-    [("a.mp4", ()), ("a.y4m", ("--as", "hlg")), ("a.avif", ()), ("a.png", ()), ("a.jpg", ())],
+    [
+        ("a.mp4", ()),
+        ("a.y4m", ("--as", "hlg")),
+        ("c.mp4", ("--as", "compare")),
+        ("a.avif", ()),
+        ("a.png", ()),
+        ("a.jpg", ()),
+    ],
 )
 def test_alpha_over_black_is_said(
     name: str, flags: tuple[str, ...], tmp_path: Path, capsys: pytest.CaptureFixture[str]
