@@ -64,6 +64,12 @@ def greatest_of(rgb: Float32) -> Float32:
     return np.asarray(cv2.max(cv2.max(red, green), blue), np.float32).reshape(rgb.shape[:2])
 
 
+@with_compiled_form(compiled_near_white.luminance)
+def luminance_of_pixels(rgb: Float32) -> Float32:
+    """`luminance_of` of (H, W, 3): float32 (H, W)."""
+    return luminance_of(cv2.split(rgb)).reshape(rgb.shape[:2])
+
+
 def frame_rgb_small(frame: Frame, size: tuple[int, int]) -> Float32:
     """Linear RGB of a frame, area-averaged to (width, height): float32 (H, W, 3) in [0, 1]."""
     width, height = frame.size

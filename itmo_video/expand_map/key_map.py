@@ -8,7 +8,7 @@ import numpy as np
 
 from itmo_video.colour import linear_light
 from itmo_video.colour.analysis_picture import analysis_size, averaged
-from itmo_video.colour.luminance import frame_luminance, frame_rgb_small, luminance_of
+from itmo_video.colour.luminance import frame_luminance, frame_rgb_small, luminance_of_pixels
 from itmo_video.expand_map.density import density_map, density_map_soft, scaled_radius_px
 from itmo_video.expand_map.letterbox import find_bars
 from itmo_video.expand_map.median_cut import median_cut
@@ -61,7 +61,7 @@ def _map_of_rgb(frame: Frame, size: tuple[int, int], look: Look, recall: Recall)
     wraps = look.settings.projection == "latlong"
     context = replace(context_of(None, look), wraps=wraps, recall=recall)
     rgb = recall("rgb", lambda: frame_rgb_small(frame, size))
-    inner = recall("inner", lambda: _inner(luminance_of([rgb[..., c] for c in range(3)]), wraps))
+    inner = recall("inner", lambda: _inner(luminance_of_pixels(rgb), wraps))
     own = look.operator.map(rgb[inner], context)
     if own.shape[:2] == rgb.shape[:2]:
         return own

@@ -16,6 +16,13 @@ def greatest(loaded: ctypes.CDLL, rgb: Float32) -> Float32:
     return out
 
 
+def luminance(loaded: ctypes.CDLL, rgb: Float32) -> Float32:
+    """`colour.luminance.luminance_of_pixels`: (H, W)."""
+    rgb, out = whole(rgb), _plane_for(rgb)
+    loaded.itmo_luminance(rgb, out.size, out)
+    return out
+
+
 def weighed_by_light(
     loaded: ctypes.CDLL, rgb: Float32, low: float, high: float
 ) -> tuple[Float32, Float32]:

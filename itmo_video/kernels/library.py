@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-_VERSION = 22  # of the kernels
+_VERSION = 23  # of the kernels
 
 
 class _Array:
@@ -66,6 +66,7 @@ _ARGUMENTS = {
     "halves": "FnH",
     "area_means": "pnnL" + "IFIF" + "FB",
     "greatest": "FnF",
+    "luminance": "FnF",
     "weighed_by_light": "FffnFF",
     "mean_colour": "FFFfnF",
     "share_ramps": "FFfffnF",

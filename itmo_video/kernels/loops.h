@@ -89,6 +89,7 @@ void itmo_area_means(const uint8_t *plane, int64_t stride, int64_t bytes, const 
     const int32_t *columns, const float *column_shares, const int32_t *rows,
     const float *row_shares, float *scratch, uint8_t *out);
 void itmo_greatest(const float *rgb, int64_t count, float *restrict out);
+void itmo_luminance(const float *rgb, int64_t count, float *restrict out);
 void itmo_weighed_by_light(const float *rgb, float low, float scale, int64_t count,
     float *restrict weight, float *restrict out);
 void itmo_mean_colour(const float *around, const float *own, const float *weight, float trace,

@@ -20,6 +20,18 @@ CLONED void itmo_greatest(const float *rgb, int64_t count, float *restrict out)
         out[x] = larger(larger(rgb[3 * x], rgb[3 * x + 1]), rgb[3 * x + 2]);
 }
 
+INLINE float luminance_of(const float *rgb)
+{
+    return 0.213f * rgb[0] + 0.715f * rgb[1] + 0.072f * rgb[2];
+}
+
+/* See compiled_near_white.luminance. */
+CLONED void itmo_luminance(const float *rgb, int64_t count, float *restrict out)
+{
+    for (int64_t x = 0; x < count; x++)
+        out[x] = luminance_of(rgb + 3 * x);
+}
+
 /* See compiled_near_white.weighed_by_light. */
 CLONED void itmo_weighed_by_light(const float *rgb, float low, float scale, int64_t count,
                                   float *restrict weight, float *restrict out)
@@ -80,11 +92,6 @@ CLONED void itmo_bounded_parting(const float *levels, const float *colour, const
             out[3 * x + c] = common + held + free * (parted - held);
         }
     }
-}
-
-INLINE float luminance_of(const float *rgb)
-{
-    return 0.213f * rgb[0] + 0.715f * rgb[1] + 0.072f * rgb[2];
 }
 
 /* See compiled_near_white.held_together. */

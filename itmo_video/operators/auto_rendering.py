@@ -18,7 +18,7 @@ import numpy as np
 
 from itmo_video.colour import linear_light
 from itmo_video.colour.analysis_picture import analysis_size
-from itmo_video.colour.luminance import greatest_of, luminance_of
+from itmo_video.colour.luminance import greatest_of, luminance_of_pixels
 from itmo_video.model import Float32, Frame
 from itmo_video.operators.ramps import ramp, ramps
 
@@ -175,7 +175,7 @@ def curve_weight(rgb_linear: Float32, rendering: Rendering, lamps: float) -> Flo
     tone_mapped, night = rendering.tone_mapped, rendering.night
     if tone_mapped == 0:
         return np.zeros(rgb_linear.shape[:2], np.float32)
-    luminance = luminance_of([rgb_linear[..., c] for c in range(3)])
+    luminance = luminance_of_pixels(rgb_linear)
     weight = light_density(luminance)
     weight *= np.float32(0.5 * (1 + night))
     weight += np.float32(0.5 * (1 + night))

@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 import pytest
 
-from itmo_video.colour.luminance import greatest_of
+from itmo_video.colour.luminance import greatest_of, luminance_of_pixels
 from itmo_video.kernels import compiled_near_white, library
 from itmo_video.model import Float32
 from itmo_video.operators import auto_clipping, auto_levels, auto_parting, auto_rendering
@@ -27,6 +27,7 @@ def _pictures(shape: tuple[int, int]) -> list[np.ndarray]:
 
 FORMS: dict[str, Callable[[Any, Any, Any], Any]] = {
     "greatest": lambda a, b, c: greatest_of(a),
+    "luminance": lambda a, b, c: luminance_of_pixels(a),
     "known": lambda a, b, c: auto_clipping.known_clipped(a),
     "colour": lambda a, b, c: auto_parting.colour_of_bright(a),
     "lost": lambda a, b, c: auto_parting.colour_lost(a, b),
