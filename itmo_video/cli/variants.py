@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +11,7 @@ from itmo_video.cli.config_file import preset_of, said, tell_config
 from itmo_video.cli.option_flags import add_options, options_of
 from itmo_video.cli.settings_flags import add_settings
 from itmo_video.conversion.run_options import RunOptions
+from itmo_video.events import Event, Warned
 from itmo_video.settings import Settings
 from itmo_video.studio.variants_options import VariantsOptions
 
@@ -44,6 +46,12 @@ def _run(args: argparse.Namespace) -> int:
     options, run = options_of(args, VariantsOptions), options_of(args, RunOptions)
     output = Path(args.output)
     tell_config(args, Settings)
-    contact_sheet(args.clip, output, preset_of(args), said(args, Settings), options, run)
+    changed = said(args, Settings)
+    contact_sheet(args.clip, output, preset_of(args), changed, options, run, _tell)
     print(output)
     return 0
+
+
+def _tell(event: Event) -> None:
+    if isinstance(event, Warned):
+        print(f"itmo-video: {event.message}", file=sys.stderr)

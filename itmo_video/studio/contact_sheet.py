@@ -15,6 +15,7 @@ import numpy as np
 from itmo_video.conversion.run_options import RunOptions
 from itmo_video.delivery import sdr
 from itmo_video.errors import ItmoError, UsageError
+from itmo_video.events import OnEvent, Warned, ignore
 from itmo_video.look import make_look
 from itmo_video.output.gate import PAGE, PAGE_MARK, STILL, Gate
 from itmo_video.presets import make_settings
@@ -42,10 +43,12 @@ def contact_sheet(
     changed: dict[str, Any],
     options: VariantsOptions,
     run: RunOptions,
+    on_event: OnEvent = ignore,
 ) -> int:
     """Write the sheet to `output` (.png, .jpg or .html); returns the number of variants on it.
 
-    All pictures are tone-mapped (BT.2390) for one peak, the highest of all, to be comparable.
+    All pictures are tone-mapped (BT.2390) for one peak, the highest of all, to be comparable;
+    `on_event` is called with Warned if they are all the same.
     Raises what opening the clip raises, UsageError for an unknown frame or variant, and
     OutputError if `output` cannot be written.
     """
@@ -71,6 +74,8 @@ def contact_sheet(
             _tile(session, number - first, variant, one, peak)
             for variant, one in zip(tried, settings, strict=True)
         ]
+    if len(pictures) > 1 and all(tile.is_like(pictures[0]) for tile in pictures):
+        on_event(Warned(f"{options.vary} makes no difference in frame {number}: all look the same"))
     if suffix == ".html":
         gate.write(_page(f"{Path(info.path).name}, frame {number}", pictures))
     else:
@@ -100,6 +105,10 @@ class _Tile:
     variant: Variant
     picture: Any
     light: str
+
+    def is_like(self, other: _Tile) -> bool:
+        """Whether it shows the same picture."""
+        return self.light == other.light and np.array_equal(self.picture, other.picture)
 
 
 def _tile(session: Session, index: int, variant: Variant, settings: Settings, peak: float) -> _Tile:

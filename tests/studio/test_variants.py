@@ -71,6 +71,16 @@ def test_a_sheet_of_presets(clip: Path, tmp_path: Path) -> None:
     assert len(preset_names()) >= 3
 
 
+def test_variants_that_look_alike_are_said(
+    clip: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    flags = ["--preset", "paper", "--values", "0,1", "--vary"]
+    for vary, is_told in (("lamps", True), ("strength", False)):
+        assert main(["variants", str(clip), str(tmp_path / f"{vary}.png"), *flags, vary]) == 0
+        told = f"{vary} makes no difference in frame 4: all look the same"
+        assert (told in capsys.readouterr().err) == is_told
+
+
 def test_nothing_of_others_is_written_over(clip: Path, tmp_path: Path) -> None:
     mine = tmp_path / "a.png"
     mine.write_text("mine")
