@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-_VERSION = 23  # of the kernels
+_VERSION = 24  # of the kernels
 
 
 class _Array:
@@ -65,6 +65,7 @@ _ARGUMENTS = {
     "blend": "FFFnnF",
     "halves": "FnH",
     "area_means": "pnnL" + "IFIF" + "FB",
+    "blurred": "FnnnnFFF",
     "greatest": "FnF",
     "luminance": "FnF",
     "weighed_by_light": "FffnFF",

@@ -88,6 +88,8 @@ void itmo_camera_model(const double *across, const double *down, const double *v
 void itmo_area_means(const uint8_t *plane, int64_t stride, int64_t bytes, const int64_t *sizes,
     const int32_t *columns, const float *column_shares, const int32_t *rows,
     const float *row_shares, float *scratch, uint8_t *out);
+void itmo_blurred(const float *planes, int64_t height, int64_t width, int64_t channels, int64_t half,
+    const float *weights, float *scratch, float *out);
 void itmo_greatest(const float *rgb, int64_t count, float *restrict out);
 void itmo_luminance(const float *rgb, int64_t count, float *restrict out);
 void itmo_weighed_by_light(const float *rgb, float low, float scale, int64_t count,

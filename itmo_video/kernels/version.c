@@ -2,5 +2,5 @@
 
 int itmo_version(void)
 {
-    return 23;
+    return 24;
 }

@@ -7,11 +7,7 @@
 
 #include "numbers.h"
 
-enum { TILES = 12, LANES = 8, MOST = 160, MOST_VECTORS = 3, PLACES = 36 };
-
-typedef float Eight __attribute__((vector_size(32), aligned(4), may_alias));
-
-#define EIGHT(at) (*(Eight *)(at)) /* not a function, as vectors are returned differently without AVX */
+enum { TILES = 12, MOST = 160, MOST_VECTORS = 3, PLACES = 36 };
 
 /* Channels of a layer's input: those of a picture of `width`, or of one of half the size if `shift`. */
 typedef struct {

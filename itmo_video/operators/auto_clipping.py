@@ -7,11 +7,14 @@ clipped among bright pixels nearby: edges against the dark do not count, and no 
 
 from __future__ import annotations
 
+import ctypes
+import functools
+
 import cv2
 import numpy as np
 
 from itmo_video.colour.luminance import greatest_of
-from itmo_video.kernels import compiled_near_white
+from itmo_video.kernels import compiled_blur, compiled_near_white
 from itmo_video.kernels.dispatch import with_compiled_form
 from itmo_video.model import Float32
 from itmo_video.operators.ramps import ramps
@@ -53,18 +56,20 @@ def with_near(known: Float32, around: Float32, low: float, high: float) -> Float
     return np.asarray(np.maximum(known, near * greatest_of(known)[..., None]), np.float32)
 
 
+def _compiled_blurred(loaded: ctypes.CDLL, planes: Float32, sigma: float) -> Float32:
+    return compiled_blur.blurred(loaded, planes, _gaussian(sigma))
+
+
+@with_compiled_form(_compiled_blurred)
 def blurred(planes: Float32, sigma: float) -> Float32:
-    """Each plane smoothed by a Gaussian of standard deviation `sigma`, in pixels; none below 0."""
-    reach_px = round(3 * sigma)
-    filled = np.flatnonzero(planes.reshape(len(planes), -1).max(1))
-    if not filled.size:
-        return np.zeros_like(planes)
-    # Only rows that are reached by others than of 0, which most planes here are full of.
-    rows = slice(max(0, int(filled[0]) - reach_px), int(filled[-1]) + reach_px + 1)
-    taps = 2 * reach_px + 1
-    band = cv2.GaussianBlur(planes[rows], (taps, taps), sigma, borderType=cv2.BORDER_REFLECT)
-    if len(band) == len(planes):
-        return np.asarray(band, np.float32).reshape(planes.shape)
-    soft = np.zeros_like(planes)
-    soft[rows] = band.reshape(soft[rows].shape)
-    return soft
+    """Each plane smoothed by a Gaussian of standard deviation `sigma`, in pixels."""
+    taps = 2 * round(3 * sigma) + 1
+    soft = cv2.GaussianBlur(planes, (taps, taps), sigma, borderType=cv2.BORDER_REFLECT)
+    return np.asarray(soft, np.float32).reshape(planes.shape)
+
+
+@functools.lru_cache(maxsize=8)
+def _gaussian(sigma: float) -> Float32:
+    """The weights of the middle and of one side."""
+    weights = cv2.getGaussianKernel(2 * round(3 * sigma) + 1, sigma, cv2.CV_32F)
+    return np.asarray(weights[round(3 * sigma) :].ravel(), np.float32)
