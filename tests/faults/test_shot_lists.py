@@ -100,7 +100,7 @@ def test_frames_of_analyse_at_the_command_line(
     line = ["analyse", str(clip), "--output", str(path), "--frames", "1-10", "--quiet"]
     assert main(line) == 0
     told = capsys.readouterr().out
-    assert "at white" in told
+    assert "at 99 % of white" in told
     assert "% clipped;" not in told
     shots = read_analysis(path).shots
     assert [(shot.first, shot.last) for shot in shots] == [(1, 10)]
