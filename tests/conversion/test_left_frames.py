@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+import threading
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -53,6 +56,27 @@ def test_frames_of_other_numbers_and_other_clips_are_named(tmp_path: Path, clip:
     (told,) = _told(other, out, RunOptions(overwrite=True))
     assert told.startswith("11 EXR files")
     assert "(clip.0001.exr, clip.0002.exr, clip.0003.exr, ...)" in told
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no FIFOs here")
+def test_a_pipe_over_part_of_a_folder(tmp_path: Path, clip: Path) -> None:
+    fifo, out = tmp_path / "clip.fifo", tmp_path / "out"
+    os.mkfifo(fifo)
+
+    def feed() -> None:
+        with suppress(BrokenPipeError):  # a range ends before the stream does
+            fifo.write_bytes(clip.read_bytes())
+
+    told: list[str] = []
+    for settings, run in ((OLD, RunOptions()), (NEW, RunOptions(frames="1-3", overwrite=True))):
+        feeder = threading.Thread(target=feed)
+        feeder.start()
+        events: list[Event] = []
+        convert(fifo, out, settings, run, events.append)
+        feeder.join(30)
+        told += [event.message for event in events if isinstance(event, Warned)]
+    assert [text for text in told if text.startswith("5 frames (4-8) keep other settings")]
+    assert len([text for text in told if "keep other settings" in text]) == 1
 
 
 def test_a_frame_that_cannot_be_read_has_no_settings(tmp_path: Path, clip: Path) -> None:
