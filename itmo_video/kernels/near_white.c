@@ -74,22 +74,44 @@ CLONED void itmo_with_near(const float *known, const float *around, float low, f
     }
 }
 
+enum { BLOCK = 32 }; /* pixels at a time */
+
+/* Of pixels from `at` on, a block's last or the last of `count`; what is 0 in a whole block stays so: it is
+   cleared and passed over. */
+INLINE int64_t block_of(const float *values, int64_t *at, int64_t count, float *restrict out)
+{
+    for (; count - *at >= BLOCK; *at += BLOCK) {
+        int any = 0;
+        for (int i = 0; i < 3 * BLOCK; i++)
+            any |= values[3 * *at + i] != 0;
+        if (any)
+            return *at + BLOCK;
+        memset(out + 3 * *at, 0, 3 * BLOCK * sizeof *out);
+    }
+    return count;
+}
+
 /* See compiled_near_white.bounded_parting. */
 CLONED void itmo_bounded_parting(const float *levels, const float *colour, const float *lost,
                                  const float *n, int64_t count, float *restrict out)
 {
     float apart = n[0], free_from = n[1], free_scale = n[2], dark = n[3];
-    for (int64_t x = 0; x < count; x++) {
-        float red = colour[3 * x], green = colour[3 * x + 1], blue = colour[3 * x + 2];
-        float greatest = larger(larger(red, green), blue), least = smaller(smaller(red, green), blue);
-        float second = red + green + blue - greatest - least;
-        float span = log_two(larger(greatest, dark) / larger(least, dark));
-        float most = apart * (span * sqrtf(larger(span, 0))), free = ramp_of(second, free_from, free_scale);
-        float common = smaller(smaller(levels[3 * x], levels[3 * x + 1]), levels[3 * x + 2]);
-        for (int c = 0; c < 3; c++) {
-            float parted = levels[3 * x + c] - common;
-            float held = smaller(parted, larger(most, lost[3 * x + c]));
-            out[3 * x + c] = common + held + free * (parted - held);
+    for (int64_t at = 0, end; at < count; at = end) {
+        end = block_of(levels, &at, count, out);
+        for (int64_t x = at; x < end; x++) {
+            float red = colour[3 * x], green = colour[3 * x + 1], blue = colour[3 * x + 2];
+            float greatest = larger(larger(red, green), blue);
+            float least = smaller(smaller(red, green), blue);
+            float second = red + green + blue - greatest - least;
+            float span = log_two(larger(greatest, dark) / larger(least, dark));
+            float most = apart * (span * sqrtf(larger(span, 0)));
+            float free = ramp_of(second, free_from, free_scale);
+            float common = smaller(smaller(levels[3 * x], levels[3 * x + 1]), levels[3 * x + 2]);
+            for (int c = 0; c < 3; c++) {
+                float parted = levels[3 * x + c] - common;
+                float held = smaller(parted, larger(most, lost[3 * x + c]));
+                out[3 * x + c] = common + held + free * (parted - held);
+            }
         }
     }
 }
@@ -98,15 +120,18 @@ CLONED void itmo_bounded_parting(const float *levels, const float *colour, const
 CLONED void itmo_held_together(const float *stops, const float *lost, const float *decided,
                                int64_t count, float *restrict out)
 {
-    for (int64_t x = 0; x < count; x++) {
-        const float *own = stops + 3 * x;
-        float common = smaller(smaller(own[0], own[1]), own[2]), little[3];
-        for (int c = 0; c < 3; c++)
-            little[c] = smaller(own[c] - common, lost[3 * x + c]);
-        float even = luminance_of(own) - luminance_of(little);
-        for (int c = 0; c < 3; c++) {
-            float together = even + little[c];
-            out[3 * x + c] = together + decided[x] * (own[c] - together);
+    for (int64_t at = 0, end; at < count; at = end) {
+        end = block_of(stops, &at, count, out);
+        for (int64_t x = at; x < end; x++) {
+            const float *own = stops + 3 * x;
+            float common = smaller(smaller(own[0], own[1]), own[2]), little[3];
+            for (int c = 0; c < 3; c++)
+                little[c] = smaller(own[c] - common, lost[3 * x + c]);
+            float even = luminance_of(own) - luminance_of(little);
+            for (int c = 0; c < 3; c++) {
+                float together = even + little[c];
+                out[3 * x + c] = together + decided[x] * (own[c] - together);
+            }
         }
     }
 }
