@@ -180,10 +180,13 @@ def main() -> None:
     p.add_argument("--threads", type=int, default=2)
     p.add_argument("--seed", type=int, default=0)
     p.add_argument("--start", type=Path, help="weights to start from")
+    p.add_argument("--keep", type=float, default=0, help="their share in the result, 0 to 1")
     a = p.parse_args()
     a.out.mkdir(parents=True, exist_ok=True)
     torch.set_num_threads(a.threads)
     torch.manual_seed(a.seed)
+    # Ten times slower than float32 where it is emulated.
+    has_bfloat16 = torch.backends.cpu.get_cpu_capability() == "AVX512"
     fit, held = scene_paths(a.data)
     rng = np.random.default_rng(1)
     held_pairs = [sample(read_hdr(path), SIZE, rng) for path in held for _ in range(4)]
@@ -199,9 +202,11 @@ def main() -> None:
     net = Network().to(memory_format=torch.channels_last)
     if a.start:
         load_state(net, a.start)
+        net.opening.requires_grad_(False)  # the product has what it was fitted with
     mean = {k: v.clone() for k, v in net.state_dict().items()}
+    begun = {k: v.clone() for k, v in mean.items()}
     matrices = [p for p in net.parameters() if p.ndim == 4 and p is not net.out.weight]
-    others = [net.out.weight, *(p for p in net.parameters() if p.ndim < 4)]
+    others = [net.out.weight, *(p for p in net.parameters() if p.ndim < 4 and p.requires_grad)]
     optimisers = (Muon(matrices, 2 * a.rate), torch.optim.AdamW(others, lr=a.rate))
     initial = [optimiser.param_groups[0]["lr"] for optimiser in optimisers]
     weights = sum(v.numel() for v in net.parameters())
@@ -216,7 +221,7 @@ def main() -> None:
         truth = truth.float().permute(0, 3, 1, 2)
         if rng.random() < 0.25:
             codes, truth = shrunk(codes, truth)
-        with torch.autocast("cpu", torch.bfloat16):
+        with torch.autocast("cpu", torch.bfloat16, enabled=has_bfloat16):
             z = net(codes)
         z = z.float()
         peak = PEAKS[0] if rng.random() < 0.74 else PEAKS[1]
@@ -257,6 +262,8 @@ def main() -> None:
             )
             (a.out / "log.json").write_text(json.dumps(log, indent=1))
     feeder.terminate()
+    if a.start:
+        mean = {k: v.lerp(begun[k], a.keep) for k, v in mean.items()}
     torch.save(mean, a.out / "auto.pt")
     net = Network()
     net.load_state_dict(mean)

@@ -7,13 +7,22 @@ camera would have recorded of it: linear light with shot noise, clipped channel 
 
 from __future__ import annotations
 
+import hashlib
+import io
+import re
 from pathlib import Path
 
+import av
 import cv2
 import numpy as np
 import numpy.typing as npt
 
 BT709_WEIGHTS = np.array([0.2126, 0.7152, 0.0722], np.float32)
+# BT.709's matrix, full range to limited, both in codes of 8 bits.
+YCBCR_OF_RGB = np.array(
+    [[0.2126, 0.7152, 0.0722], [-0.114572, -0.385428, 0.5], [0.5, -0.454153, -0.045847]], np.float32
+) * np.array([[219 / 255], [224 / 255], [224 / 255]], np.float32)
+YCBCR_OF_BLACK = np.array([16, 128, 128], np.float32)
 LETTERS = list("ABCDEFGHIKLMNOPRSTUVWYabcdehiklmnoprstuy  0123456789")
 HELD_OUT_EVERY = 5  # every fifth scene by name is left out of the fit
 
@@ -37,7 +46,11 @@ def read_hdr(path: Path) -> Float:
 
 
 def scene_paths(data: Path) -> tuple[list[Path], list[Path]]:
-    """The files to fit to and those held out: (fit, held_out), each sorted by name."""
+    """The files to fit to and those held out: (fit, held_out), each sorted by name.
+
+    Of the scenes of 2026 half are fitted to, by the hash of their names; none of them whose place
+    was photographed for another of the other half, too.
+    """
     folders = ("panoramas", "panoramas_more")
     panoramas = sorted(
         (p for f in folders for p in (data / f).glob("*") if p.suffix in {".hdr", ".exr"}),
@@ -45,7 +58,28 @@ def scene_paths(data: Path) -> tuple[list[Path], list[Path]]:
     )
     images = sorted(p for p in (data / "hdr_images").glob("*") if p.suffix in {".hdr", ".exr"})
     held = panoramas[2::HELD_OUT_EVERY]
-    return [p for p in panoramas if p not in held] + images, held
+    return [p for p in panoramas if p not in held] + images + _half_of_2026(data), held
+
+
+def _half_of_2026(data: Path) -> list[Path]:
+    paths = sorted(
+        p
+        for folder in ("panoramas_2026", "images_2026")
+        for p in (data / folder).glob("*")
+        if p.suffix in {".hdr", ".exr"}
+    )
+    left_out = {_place(p) for p in paths if not _in_first_half(p)}
+    return [p for p in paths if _in_first_half(p) and _place(p) not in left_out]
+
+
+def _in_first_half(path: Path) -> bool:
+    return hashlib.md5(path.stem.encode()).digest()[0] % 2 == 0
+
+
+def _place(path: Path) -> str:
+    name = re.sub(r"_puresky$|^hdrihaven_", "", path.stem)
+    name = re.sub(r"^winter_evening_.*", "winter_evening", name)
+    return {"evening_road_01": "eveningroad"}.get(name, name)
 
 
 def srgb_encode(linear: Float) -> Float:
@@ -144,14 +178,47 @@ def shoot(recorded: Float, rng: np.random.Generator) -> Codes:
     shot = recorded + rng.standard_normal(recorded.shape, np.float32) * deviation
     shot = np.where(recorded < white, np.clip(shot, 0, white), recorded)
     code = np.rint(srgb_encode(shot) * 255).astype(np.uint8)
-    if rng.random() < 0.85:
-        quality = int(rng.choice([rng.integers(60, 98), rng.integers(85, 98)]))
-        ok, data = cv2.imencode(".jpg", code[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, quality])
-        assert ok
-        shown = cv2.imdecode(data, cv2.IMREAD_COLOR)
-        assert shown is not None
-        code = shown[..., ::-1]
+    kind = rng.random()
+    if kind < 0.3:
+        code = as_jpeg(code, int(rng.choice([rng.integers(25, 98), rng.integers(85, 98)])))
+    elif kind < 0.85:
+        qp = rng.integers(14, 28) if rng.random() < 0.6 else rng.integers(28, 43)
+        code = as_h264(code, int(qp))
     return np.ascontiguousarray(code)
+
+
+def as_jpeg(code: Codes, quality: int) -> Codes:
+    """Codes (h, w, 3) as JPEG shows them, 4:2:0."""
+    ok, data = cv2.imencode(".jpg", code[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, quality])
+    assert ok
+    shown = cv2.imdecode(data, cv2.IMREAD_COLOR)
+    assert shown is not None
+    return np.asarray(shown[..., ::-1], np.uint8)
+
+
+def as_h264(code: Codes, qp: int) -> Codes:
+    """Codes (h, w, 3), h and w even, as an intra frame of H.264 shows them, 4:2:0."""
+    h, w = code.shape[:2]
+    full = code.reshape(-1, 3).astype(np.float32) @ YCBCR_OF_RGB.T + YCBCR_OF_BLACK
+    y, cb, cr = np.rint(full).clip(0, 255).T.reshape(3, h, w)
+    halves = [cv2.resize(c, (w // 2, h // 2), interpolation=cv2.INTER_AREA) for c in (cb, cr)]
+    planes = [np.rint(c).reshape(-1, w) for c in (y, *halves)]
+    stream = io.BytesIO()
+    with av.open(stream, "w", format="matroska") as out:
+        options = {"qp": str(qp), "preset": "veryfast", "threads": "1"}
+        video = out.add_stream("libx264", rate=24, options=options)
+        video.height, video.width, video.pix_fmt = h, w, "yuv420p"
+        frame = av.VideoFrame.from_ndarray(np.concatenate(planes).astype(np.uint8), "yuv420p")
+        out.mux(video.encode(frame))
+        out.mux(video.encode(None))
+    stream.seek(0)
+    with av.open(stream, "r") as coded:
+        shown = next(coded.decode(video=0)).to_ndarray().astype(np.float32)
+    halves = [c.reshape(h // 2, w // 2) for c in np.split(shown[h:].ravel(), 2)]
+    chroma = [cv2.resize(c, (w, h), interpolation=cv2.INTER_LINEAR) for c in halves]
+    ycbcr = np.dstack([shown[:h], *chroma]) - YCBCR_OF_BLACK
+    rgb = ycbcr.reshape(-1, 3) @ np.linalg.inv(YCBCR_OF_RGB).T
+    return np.asarray(np.rint(rgb).clip(0, 255).reshape(h, w, 3), np.uint8)
 
 
 def sample(scene: Float, size: tuple[int, int], rng: np.random.Generator) -> tuple[Codes, Float]:
