@@ -3,29 +3,19 @@
 from __future__ import annotations
 
 import ctypes
-import math
-from collections.abc import Sequence
 
 import numpy as np
 
 from itmo_video.kernels.compiled import Float32, alike, whole
 
 
-def mean_of_maps(
-    loaded: ctypes.CDLL, own: Float32, others: Sequence[Float32], weights: Sequence[Float32]
-) -> Float32:
-    """The mean of maps (H, W) or (H, W, C), weighted by (H, W), and of `own` by 1: a new array."""
-    own, others, weights = whole(own), [whole(o) for o in others], [whole(w) for w in weights]
-    for weight, other in zip(weights, others, strict=True):
-        _channels(weight, own, other)  # which checks shapes
-    count = math.prod(own.shape[:2])
-    out = np.empty_like(own)
-    loaded.itmo_mean_of_maps(
-        own, *(np.array([a.ctypes.data for a in arrays], np.int64) for arrays in (others, weights)),
-        len(others), count, own.size // max(count, 1),
-        out,
+def add_weighed(loaded: ctypes.CDLL, total: Float32, values: Float32, weight: Float32) -> None:
+    """`total` += `values` times `weight`: maps (H, W) or (H, W, C), in place, and (H, W)."""
+    values, weight = whole(values), whole(weight)
+    loaded.itmo_add_weighed(
+        values, weight, weight.size, _channels(weight, total, values),
+        total,
     )  # fmt: skip
-    return out
 
 
 def blend(loaded: ctypes.CDLL, left: Float32, right: Float32, share: Float32) -> Float32:

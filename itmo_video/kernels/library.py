@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-_VERSION = 24  # of the kernels
+_VERSION = 25  # of the kernels
 
 
 class _Array:
@@ -61,7 +61,7 @@ _ARGUMENTS = {
     "gain_banterle2006": "FffnF",
     "gain_auto": "FFF" + "F" + "FFFF" + "FnnF" + "FFF",
     "auto_from_codes": "pppnLLFF" + "FLFIF" + "LBFF" + "HHH",
-    "mean_of_maps": "FLLnnnF",
+    "add_weighed": "FFnnF",
     "blend": "FFFnnF",
     "halves": "FnH",
     "area_means": "pnnL" + "IFIF" + "FB",

@@ -70,8 +70,8 @@ void itmo_auto_from_codes(const uint8_t *luma, const uint8_t *cb, const uint8_t 
     const float *power, const float *small, const int64_t *above, const float *parts,
     const int32_t *columns, const float *shares, const int64_t *which, const uint8_t *used,
     const float *n, float *scratch, uint16_t *out_red, uint16_t *out_green, uint16_t *out_blue);
-void itmo_mean_of_maps(const float *own, const int64_t *maps, const int64_t *weights,
-    int64_t others, int64_t count, int64_t channels, float *out);
+void itmo_add_weighed(const float *values, const float *weight, int64_t count, int64_t channels,
+    float *restrict total);
 void itmo_blend(const float *left, const float *right, const float *share, int64_t count,
     int64_t channels, float *restrict out);
 void itmo_halves(const float *values, int64_t count, uint16_t *out);

@@ -2,5 +2,5 @@
 
 int itmo_version(void)
 {
-    return 24;
+    return 25;
 }

@@ -218,15 +218,10 @@ def _blend(left: Float32, right: Float32, share: Float32) -> Float32:
     return np.asarray((right - left) * spread(share, left) + left, np.float32)
 
 
-@with_compiled_form(compiled_maps.mean_of_maps)
-def mean_of_maps(own: Float32, others: Sequence[Float32], weights: Sequence[Float32]) -> Float32:
-    """The mean of maps (H, W) or (H, W, C), weighted by (H, W), and of `own` by 1: a new array."""
-    total, whole = own.copy(), np.ones(own.shape[:2], np.float32)
-    for values, weight in zip(others, weights, strict=True):
-        total += values * spread(weight, values)
-        whole += weight
-    total /= spread(whole, total)
-    return total
+@with_compiled_form(compiled_maps.add_weighed)
+def add_weighed(total: Float32, values: Float32, weight: Float32) -> None:
+    """Add a map times a weight to another, in place: (H, W) or (H, W, C), the weight (H, W)."""
+    total += values * spread(weight, values)
 
 
 def spread(weight: Float32, values: Float32) -> Float32:

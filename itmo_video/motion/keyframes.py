@@ -10,6 +10,8 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import Executor, Future
 from dataclasses import dataclass
 
+import numpy as np
+
 from itmo_video.model import Code, Float32
 from itmo_video.motion import flow as flow_room
 from itmo_video.motion.cut_detection import CUT_REACH, Analysed, Placed
@@ -63,9 +65,8 @@ def smooth_map(keys: Sequence[Key], at: int, reach: int) -> Float32:
     from key to key. `keys` are neighbours in one shot, `at` the position of the one wanted.
     """
     centre = keys[at]
-    own = centre.raw_map.result()
-    seen: list[Float32] = []
-    weights: list[Float32] = []
+    total = centre.raw_map.result().copy()
+    weight = np.ones(total.shape[:2], np.float32)
     for step in (-1, 1):
         flow: Float32 | None = None
         stop = max(-1, at - reach - 1) if step < 0 else min(len(keys), at + reach + 1)
@@ -75,9 +76,12 @@ def smooth_map(keys: Sequence[Key], at: int, reach: int) -> Float32:
             assert link is not None
             flow = link.result() if flow is None else flow_room.compose(flow, link.result())
             agreed = flow_room.agreement(centre.picture, keys[i].picture, flow)
-            weights.append(flow_room.weight_of(agreed, own))
-            seen.append(flow_room.warp_map(keys[i].raw_map.result(), flow))
-    return flow_room.mean_of_maps(own, seen, weights)
+            agreed = flow_room.weight_of(agreed, total)
+            seen = flow_room.warp_map(keys[i].raw_map.result(), flow)
+            flow_room.add_weighed(total, seen, agreed)
+            weight += agreed
+    total /= flow_room.spread(weight, total)
+    return total
 
 
 def spans(
