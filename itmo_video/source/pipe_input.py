@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import select
 import sys
+import threading
 from contextlib import suppress
 
 from itmo_video.errors import UsageError
@@ -15,13 +16,14 @@ HEAD_BYTES = 4096
 
 
 class PipeInput:
-    """Standard input or a FIFO, read as bytes arrive; `close` ends a waiting read.
+    """Standard input or a FIFO, read as bytes arrive; `close` ends a waiting read, in any thread.
 
     `head` is its first bytes, which FFmpeg has read already.
     """
 
     def __init__(self, name: str) -> None:
         self.bytes_read, self.head = 0, b""
+        self._changing, self._is_reading, self._is_closed = threading.Lock(), False, False
         if name == STANDARD_INPUT:
             if sys.stdin is None or sys.stdin.isatty():
                 raise UsageError(
@@ -39,21 +41,44 @@ class PipeInput:
 
     def read(self, size: int = -1) -> bytes:
         """The bytes that are there, at most `size`; empty at the end, or once closed."""
-        ready, _, _ = select.select([self._fd, self._woken], [], [])
-        if self._woken in ready:
-            return b""
-        data = os.read(self._fd, size if size > 0 else BUFFER_BYTES)
+        with self._changing:
+            if self._is_closed:
+                return b""
+            self._is_reading = True
+        try:
+            ready, _, _ = select.select([self._fd, self._woken], [], [])
+            if self._woken in ready:
+                return b""
+            data = os.read(self._fd, size if size > 0 else BUFFER_BYTES)
+        finally:
+            self._end_read()
         self.bytes_read += len(data)
         if len(self.head) < HEAD_BYTES:
             self.head += data[: HEAD_BYTES - len(self.head)]
         return data
 
     def close(self) -> None:
-        """Stop reading; the writer gets a broken pipe once this process closes it."""
-        with suppress(OSError):
-            os.write(self._wake, b"x")
+        """Stop reading, once a waiting read has ended; the writer then gets a broken pipe."""
+        with self._changing:
+            if self._is_closed:
+                return
+            self._is_closed = True
+            if self._is_reading:
+                os.write(self._wake, b"x")  # who reads closes, as another file may get the number
+            else:
+                self._release()
+
+    def _end_read(self) -> None:
+        with self._changing:
+            self._is_reading = False
+            if self._is_closed:
+                self._release()
+
+    def _release(self) -> None:
+        for name in ("_fd", "_woken", "_wake"):  # as far as they were opened
+            with suppress(OSError, KeyError):
+                os.close(self.__dict__.pop(name))
 
     def __del__(self) -> None:
-        for name in ("_fd", "_woken", "_wake"):  # as far as they were opened
-            with suppress(OSError, AttributeError):
-                os.close(getattr(self, name))
+        with suppress(AttributeError):
+            self.close()
