@@ -51,23 +51,19 @@ def scene_paths(data: Path) -> tuple[list[Path], list[Path]]:
     Of the scenes of 2026 half are fitted to, by the hash of their names; none of them whose place
     was photographed for another of the other half, too.
     """
-    folders = ("panoramas", "panoramas_more")
-    panoramas = sorted(
-        (p for f in folders for p in (data / f).glob("*") if p.suffix in {".hdr", ".exr"}),
-        key=lambda p: p.name.lower(),
-    )
-    images = sorted(p for p in (data / "hdr_images").glob("*") if p.suffix in {".hdr", ".exr"})
+    panoramas = _pictures(data, "panoramas", "panoramas_more")
+    panoramas.sort(key=lambda p: p.name.lower())
+    images = _pictures(data, "hdr_images")
     held = panoramas[2::HELD_OUT_EVERY]
     return [p for p in panoramas if p not in held] + images + _half_of_2026(data), held
 
 
+def _pictures(data: Path, *folders: str) -> list[Path]:
+    return sorted(p for f in folders for p in (data / f).glob("*") if p.suffix in {".hdr", ".exr"})
+
+
 def _half_of_2026(data: Path) -> list[Path]:
-    paths = sorted(
-        p
-        for folder in ("panoramas_2026", "images_2026")
-        for p in (data / folder).glob("*")
-        if p.suffix in {".hdr", ".exr"}
-    )
+    paths = _pictures(data, "panoramas_2026", "images_2026")
     left_out = {_place(p) for p in paths if not _in_first_half(p)}
     return [p for p in paths if _in_first_half(p) and _place(p) not in left_out]
 
@@ -193,7 +189,7 @@ def as_jpeg(code: Codes, quality: int) -> Codes:
     assert ok
     shown = cv2.imdecode(data, cv2.IMREAD_COLOR)
     assert shown is not None
-    return np.asarray(shown[..., ::-1], np.uint8)
+    return np.ascontiguousarray(shown[..., ::-1], np.uint8)
 
 
 def as_h264(code: Codes, qp: int) -> Codes:

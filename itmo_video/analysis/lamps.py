@@ -18,14 +18,14 @@ def lamps_count(found: Rendering, settings: Settings) -> bool:
     It is part of eq. 11's weight, which is 0 unless highlights were tone-mapped, and counts at
     night, above 1 also in daylight (`auto_rendering.curve_weight`).
     """
-    if settings.lamps == _DEFAULT or settings.operator != "auto":
+    if not _is_set(settings):
         return True
     return found.tone_mapped > 0 and (found.night > 0 or settings.lamps > 1)
 
 
 def lamps_notices(clip: Clip, numbers: Mapping[int, int], settings: Settings) -> list[str]:
     """A notice if `lamps` has no effect in the first frame, by its number, or none."""
-    if settings.lamps == _DEFAULT or settings.operator != "auto" or not numbers:
+    if not (numbers and _is_set(settings)):
         return []
     number = min(numbers)
     try:
@@ -45,3 +45,7 @@ def lamps_notices(clip: Clip, numbers: Mapping[int, int], settings: Settings) ->
         f"lamps has no effect in shots like that of frame {number}: {why} (`analyse` shows each "
         f"shot; {remedy})"
     ]
+
+
+def _is_set(settings: Settings) -> bool:
+    return settings.operator == "auto" and settings.lamps != _DEFAULT

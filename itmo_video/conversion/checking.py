@@ -43,8 +43,7 @@ def describe_plan(
     ]
     if plan.shots:
         lines.append(f"{counted(len(plan.shots), 'shot')} with their own settings")
-    if (run.update or run.overwrite) and not run.null:
-        lines += [f"notice: {left}" for left in left_frames(plan, folder, plan.numbers)]
+    lines += [f"notice: {left}" for left in left_frames(plan, folder, run, plan.numbers)]
     if not run.null and (short := _shortage(plan, folder, len(todo))):
         lines.append(f"warning: {short}")
     return "\n".join(lines)

@@ -137,9 +137,8 @@ def convert(
     summary.seconds = time.monotonic() - began
     if unexpanded := nothing_expanded(plan, summary):
         on_event(Warned(unexpanded))
-    if (run.update or run.overwrite) and not run.null:
-        for left in left_frames(plan, folder, {*plan.numbers} - {*summary.missing}):
-            on_event(Warned(left))
+    for left in left_frames(plan, folder, run, {*plan.numbers} - {*summary.missing}):
+        on_event(Warned(left))
     on_event(Finished(**dataclasses.asdict(summary)))
     cut_short = plan.clip.frames_cut_off if run.frames is None else 0
     if ended or summary.missing or summary.damaged or cut_short:

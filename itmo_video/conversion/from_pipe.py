@@ -119,9 +119,8 @@ def convert_pipe(
     summary.seconds = time.monotonic() - began
     if unexpanded := nothing_expanded(plan, summary):
         on_event(Warned(unexpanded))
-    if run.overwrite and not run.null:
-        for left in left_frames(plan, folder, made):
-            on_event(Warned(left))
+    for left in left_frames(plan, folder, run, made):
+        on_event(Warned(left))
     on_event(Finished(**asdict(summary)))
     told = pipe_damage(clip, run, summary.missing)
     if summary.damaged:

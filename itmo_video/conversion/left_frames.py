@@ -6,18 +6,23 @@ from collections.abc import Iterable
 
 from itmo_video.conversion.frame_ranges import format_ranges
 from itmo_video.conversion.plan import Plan
+from itmo_video.conversion.run_options import RunOptions
 from itmo_video.output.folder import OutputFolder
 from itmo_video.words import counted, cut
 
 _NAMES_TOLD = 3
 
 
-def left_frames(plan: Plan, folder: OutputFolder, made: Iterable[int] = ()) -> list[str]:
+def left_frames(
+    plan: Plan, folder: OutputFolder, run: RunOptions, made: Iterable[int]
+) -> list[str]:
     """Notices about frames that a run with `update` or `overwrite` leaves as they were.
 
     `made` are numbers that need no look, as the run has made them. Frames outside of the clip, or
     with another clip's name, are of no settings that it could have.
     """
+    if run.null or not (run.update or run.overwrite):
+        return []
     first, own, numbers = plan.first_number, set(made), folder.frame_numbers()
     end = None if plan.source_frames is None else first + plan.source_frames
     inside = [n for n in numbers if n >= first and (end is None or n < end)]

@@ -37,7 +37,7 @@ def area_means(loaded: ctypes.CDLL, planes: Plane, size: tuple[int, int]) -> Pla
         columns, column_shares, rows, row_shares,
         np.empty((width + 2 * out_width) * channels, np.float32), out.view(np.uint8),
     )  # fmt: skip
-    return out  # type: ignore[return-value]
+    return out  # type: ignore[return-value]  # of planes.dtype
 
 
 @functools.lru_cache(maxsize=16)

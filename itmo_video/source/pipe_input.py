@@ -9,10 +9,10 @@ import threading
 from contextlib import suppress
 
 from itmo_video.errors import UsageError
+from itmo_video.source.chroma_siting import Y4M_HEAD_BYTES
 
 STANDARD_INPUT = "-"
 BUFFER_BYTES = 1 << 20
-HEAD_BYTES = 4096
 
 
 class PipeInput:
@@ -53,8 +53,8 @@ class PipeInput:
         finally:
             self._end_read()
         self.bytes_read += len(data)
-        if len(self.head) < HEAD_BYTES:
-            self.head += data[: HEAD_BYTES - len(self.head)]
+        if len(self.head) < Y4M_HEAD_BYTES:
+            self.head += data[: Y4M_HEAD_BYTES - len(self.head)]
         return data
 
     def close(self) -> None:

@@ -109,9 +109,8 @@ def facts_at(
         tagged = replace(
             tagged, named_transfer="log" if hidden.remedy == hidden_hdr.UNDO_LOG else "pq"
         )
-    siting, doubt = stream_siting(stream), None
-    if container_name == Y4M:
-        siting, doubt = y4m_siting(head)
+    is_y4m = container_name == Y4M
+    siting, doubt = y4m_siting(head) if is_y4m else (stream_siting(stream), None)
     stored, told = tags.resolve_encoding(
         tagged,
         options,

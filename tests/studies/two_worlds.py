@@ -27,7 +27,7 @@ from itmo_video import expand, make_settings
 from itmo_video.output.exr import read_exr
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "docs/auto"))
-from scenes import read_hdr, scene_paths, srgb_encode
+from scenes import as_jpeg, read_hdr, scene_paths, srgb_encode
 
 PEAK, WEIGHTS = 1000 / 203, np.array([0.2126, 0.7152, 0.0722])
 Pair = tuple[str, Any, Any]  # name, codes uint8 (h, w, 3), truth, 1.0 at SDR white
@@ -121,10 +121,7 @@ def as_video(codes: Any) -> Any:
 
 def degraded(codes: Any) -> Any:
     """The picture as JPEG of quality 25."""
-    _, data = cv2.imencode(".jpg", codes[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, 25])
-    shown = cv2.imdecode(data, cv2.IMREAD_COLOR)
-    assert shown is not None
-    return shown[..., ::-1].copy()
+    return as_jpeg(codes, 25)
 
 
 def still_jod() -> Callable[[Any, Any], float]:
