@@ -72,7 +72,7 @@ def _rendering(clip: Clip) -> dict[str, str] | None:
     if first is None:
         return None
     words = rendering_of_frame(first, settings.map_width).in_words(settings.l_max_effective)
-    return {"value": words, "from": "the first frame; `analyse` shows each shot"}
+    return {"value": words, "from": "the first frame alone; `analyse` shows each shot"}
 
 
 def _presets(args: argparse.Namespace) -> int:

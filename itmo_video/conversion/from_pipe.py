@@ -25,7 +25,7 @@ from itmo_video.rendering.frame import Rendered
 from itmo_video.settings import Settings
 from itmo_video.source.opening import input_options
 from itmo_video.source.pipe import PipeClip
-from itmo_video.words import frames_are, frames_named
+from itmo_video.words import counted, frames_are, frames_named
 
 ENDLESS = range(2**40)  # indices of a stream, more than any has
 
@@ -119,7 +119,8 @@ def convert_pipe(
     summary.seconds = time.monotonic() - began
     if unexpanded := nothing_expanded(plan, summary):
         on_event(Warned(unexpanded))
-    for left in left_frames(plan, folder, run, made):
+    frames_read = summary.written + len(clip.lost) if run.frames is None else None
+    for left in left_frames(plan, folder, run, made, frames_read):
         on_event(Warned(left))
     on_event(Finished(**asdict(summary)))
     told = pipe_damage(clip, run, summary.missing)
@@ -129,7 +130,8 @@ def convert_pipe(
         raise DamagedInputError(
             "; ".join(told),
             where=plan.clip.path,
-            remedy=f"Everything else was converted: {summary.written} frames.",
+            remedy=f"{'What came before' if clip.broken else 'Everything else'} was converted: "
+            f"{counted(summary.written, 'frame')}.",
         )
     return summary
 

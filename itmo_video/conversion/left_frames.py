@@ -11,20 +11,27 @@ from itmo_video.output.folder import OutputFolder
 from itmo_video.words import counted, cut
 
 _NAMES_TOLD = 3
+_RANGES_TOLD = 60  # characters that can be typed again
 
 
 def left_frames(
-    plan: Plan, folder: OutputFolder, run: RunOptions, made: Iterable[int]
+    plan: Plan,
+    folder: OutputFolder,
+    run: RunOptions,
+    made: Iterable[int],
+    frames_read: int | None = None,
 ) -> list[str]:
     """Notices about frames that a run with `update` or `overwrite` leaves as they were.
 
-    `made` are numbers that need no look, as the run has made them. Frames outside of the clip, or
-    with another clip's name, are of no settings that it could have.
+    `made` are numbers that need no look, as the run has made them. Frames outside of the clip, of
+    `frames_read` frames if it came by a pipe, or with another clip's name, are of no settings that
+    it could have.
     """
     if run.null or not (run.update or run.overwrite):
         return []
     first, own, numbers = plan.first_number, set(made), folder.frame_numbers()
-    end = None if plan.source_frames is None else first + plan.source_frames
+    frames = plan.source_frames if frames_read is None else frames_read
+    end = None if frames is None else first + frames
     inside = [n for n in numbers if n >= first and (end is None or n < end)]
     stated = folder.fingerprints([n for n in inside if n not in own], plan.jobs)
     others = [n for n, told in stated.items() if told not in (None, plan.fingerprint_at(n - first))]
@@ -32,10 +39,10 @@ def left_frames(
     names += folder.other_frames()
     notices = list[str]()
     if others:
-        named = f"{counted(len(others), 'frame')} ({cut(format_ranges(others))})"
+        is_are = "is" if len(others) == 1 else "are"
         notices.append(
-            f"{named} {'keeps' if len(others) == 1 else 'keep'} other settings; the same command "
-            "for all frames (without --frames) re-renders them"
+            f"{counted(len(others), 'frame')} ({cut(format_ranges(others))}) {is_are} of other "
+            f"settings or another source; {_remedy(plan, run, format_ranges(others))}"
         )
     if names:
         are = "is" if len(names) == 1 else "are"
@@ -45,3 +52,14 @@ def left_frames(
             f"({', '.join(names[:_NAMES_TOLD])}{more}); move or remove what is no longer needed"
         )
     return notices
+
+
+def _remedy(plan: Plan, run: RunOptions, ranges: str) -> str:
+    """What to do about frames that this run did not select, or could not make."""
+    if run.frames is None:
+        return "this run could not replace them: move or remove them"
+    if plan.source_frames is None:  # a pipe
+        return "convert the whole stream with --overwrite, or remove them"
+    if len(ranges) <= _RANGES_TOLD:
+        return f"the same command with --frames {ranges} re-renders them"
+    return "the same command for all frames (without --frames) re-renders them"

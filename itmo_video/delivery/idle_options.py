@@ -1,4 +1,4 @@
-"""Options of a preview that its view or its kind of file does not use: named, not refused.
+"""Options and settings that a preview's view or kind of file does not use: named, not refused.
 
 They may come from a config file, which serves films and stills alike.
 """
@@ -11,10 +11,18 @@ from pathlib import Path
 from itmo_video.delivery.preview_options import PreviewOptions
 from itmo_video.delivery.still_files import JPEG, STILLS
 from itmo_video.options import flag_of
+from itmo_video.settings import Settings
+
+_OF_EXR = ("comments", "compression", "layers", "owner", "timecode")  # settings
 
 
-def idle_options(output: Path, options: PreviewOptions) -> list[str]:
-    """A notice about options that were changed but have no effect on `output`, or none."""
+def idle_options(
+    output: Path, options: PreviewOptions, settings: Settings | None = None
+) -> list[str]:
+    """A notice about options that were changed but have no effect on `output`, or none.
+
+    `settings` are those that the source is rendered with for it.
+    """
     suffix, idle = output.suffix.lower(), set[str]()
     is_still, is_jpeg = suffix in STILLS, suffix in JPEG
     if is_still:
@@ -27,8 +35,17 @@ def idle_options(output: Path, options: PreviewOptions) -> list[str]:
         for field in dataclasses.fields(options)
         if field.name in idle and getattr(options, field.name) != field.default
     ]
+    _, overrides = (settings and settings.asked) or ({}, {})
+    of_files = [name for name in _OF_EXR if name in overrides]
+    notices = list[str]()
+    if of_files:
+        notices = [f"{', '.join(of_files)} {_have(of_files)} an effect on EXR files only"]
     if not changed:
-        return []
+        return notices
     what = f"a {suffix} still" if is_still else "a film"
-    have = "has" if len(changed) == 1 else "have"
-    return [f"{', '.join(changed)} {have} no effect on {what} of this view ({options.view})"]
+    told = f"{', '.join(changed)} {_have(changed)} no effect on {what} of this view"
+    return [*notices, f"{told} ({options.view})"]
+
+
+def _have(names: list[str]) -> str:
+    return "has" if len(names) == 1 else "have"

@@ -78,6 +78,7 @@ def preview(
     gate = None if is_stream_output(output) else _gate(source, output, options, run)
     if gate is not None:
         gate.check()
+    used: Settings | None = None
     if source.is_dir():
         if settings is not None or run.analysis is not None:
             raise UsageError(
@@ -93,10 +94,11 @@ def preview(
         pictures = from_folder(converted, clip, run)
         pictures.clip = options.clip
     else:
-        pictures = from_clip(source, as_settings(settings), run)
+        used = as_settings(settings)
+        pictures = from_clip(source, used, run)
     if options.view == "compare" and source.is_dir() and options.clip is None:
         raise UsageError("--as compare needs the source", remedy="Give it with --source CLIP.")
-    for notice in (*pictures.notices, *idle_options(output, options)):
+    for notice in (*pictures.notices, *idle_options(output, options, used)):
         on_event(Warned(notice))
     on_event(Started(str(source), str(output), len(pictures.numbers), 0))
     if is_still:

@@ -20,7 +20,7 @@ import numpy as np
 from itmo_video.delivery.hdr import Light
 from itmo_video.delivery.ycbcr import Chroma, Codes10
 from itmo_video.errors import OutputError, UsageError
-from itmo_video.output.atomic import output_error, temp_path
+from itmo_video.output.atomic import RUN_AGAIN, output_error, temp_path
 from itmo_video.output.gate import Gate
 
 STANDARD_OUTPUT = "-"
@@ -85,7 +85,7 @@ class Y4mWriter:
             where = _descriptor(path) if self._temp is None else self._temp
             self._file = open(where, "wb", 0)  # noqa: SIM115 - `close` closes it
         except OSError as error:
-            raise output_error(error, path) from error
+            raise output_error(error, path, RUN_AGAIN) from error
         if gate is None:
             with suppress(ImportError, OSError, AttributeError):
                 import fcntl
@@ -130,7 +130,7 @@ class Y4mWriter:
         except BrokenPipeError as error:
             raise ReaderLeftError from error
         except OSError as error:
-            raise output_error(error, self.path) from error
+            raise output_error(error, self.path, RUN_AGAIN) from error
         self.bytes_written += len(data)
 
 

@@ -101,7 +101,9 @@ class Rendering:
                 f"{how}, {reached} white: tone-mapped; expanded by the paper's curve, up to {most}"
             )
         if self.white < WHITE_FULL and self.clipped < 1e-3:
-            return f"nothing reaches white ({reached} it): left as it is"
+            if self.clipped == 0:
+                return f"nothing reaches white ({reached} it): left as it is"
+            return "hardly anything clips (less than 0.1%): only that is expanded"
         at_white = f"a channel at {CLIPPED_FROM:.1%} of white"
         return (
             f"{self.clipped:.1%} clipped ({at_white}), as by a camera; clipped highlights are "

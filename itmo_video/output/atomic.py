@@ -184,12 +184,13 @@ def _sync_folder(folder: Path) -> None:
         os.close(descriptor)
 
 
-RESUMES = "then run the same command again to resume"
+RUN_AGAIN = "then run the same command again"
+RESUMES = f"{RUN_AGAIN} to resume"
 
 
-def output_error(error: OSError, path: StrPath) -> OutputError:
-    """An OutputError for a failure to write `path`, with a remedy."""
-    again = f"{RESUMES}."
+def output_error(error: OSError, path: StrPath, then: str = RESUMES) -> OutputError:
+    """An OutputError for a failure to write `path`, with a remedy, the last part of it `then`."""
+    again = f"{then}."
     if error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG):
         what, remedy = "no space left on the disk", f"Free some space, {again}"
     elif error.errno in (errno.EACCES, errno.EPERM, errno.EROFS):

@@ -21,6 +21,7 @@ from itmo_video.output.fingerprint import fingerprints_told
 from itmo_video.output.folder import OutputFolder
 from itmo_video.output.frame_form import FrameForm, colour_attributes
 from itmo_video.output.manifest import Manifest, read_manifest
+from itmo_video.output.settings_changes import frames_changes
 from itmo_video.settings import Settings, settings_from
 from itmo_video.source.opening import Clip, input_options, open_clip
 from itmo_video.words import frames_are
@@ -94,10 +95,18 @@ class Converted:
             self.index_of(number),
         )
         if image.fingerprint not in told:
+            values = self.manifest.settings | ({} if shot is None else dict(shot.told))
+            changed = frames_changes(str(image.attributes.get("itmoSettings")), values)
+            what = (
+                f"settings differ ({', '.join(changed)})"
+                if changed
+                else "source, number or version differ"
+            )
             raise InputError(
-                "not a frame of this folder: its source, number or settings differ",
+                f"not a frame of this folder: its {what}",
                 where=str(path),
-                remedy="Move it away, then convert again (with --update if settings have changed).",
+                remedy="Convert with --update to render it again if only settings differ, or move "
+                "it away.",
             )
         size = image.size if number == next(iter(self.files)) else self.size
         alpha = "A" if "A" in image.channels else ""

@@ -8,7 +8,6 @@ appears by an atomic rename, and exactly one process creates the manifest.
 from __future__ import annotations
 
 import errno
-import json
 import os
 import re
 from collections.abc import Callable, Iterable, Mapping
@@ -30,6 +29,7 @@ from itmo_video.output.exr import read_exr
 from itmo_video.output.exr_fingerprint import stated_fingerprint
 from itmo_video.output.frame_form import FrameForm
 from itmo_video.output.manifest import MANIFEST_NAME, Manifest, read_manifest
+from itmo_video.output.settings_changes import settings_changes
 
 FrameState = Literal["missing", "whole", "concealed", "damaged", "other"]
 
@@ -41,7 +41,8 @@ Forms = Callable[[int], FrameForm | None]  # of frames by number
 _PROBLEMS: dict[FrameState, str] = {
     "missing": "missing",
     "damaged": "damaged",
-    "other": "rendered with other settings or from another source; --update re-renders it",
+    "other": "rendered with other settings (--update re-renders) or from another source "
+    "(--overwrite)",
 }
 
 
@@ -72,8 +73,11 @@ class OutputFolder:
 
     def frame_numbers(self) -> list[int]:
         """The numbers of existing frames, intact or not, in rising order."""
+        return self._numbers_in(self._names())
+
+    def _numbers_in(self, names: Iterable[str]) -> list[int]:
         pattern = re.compile(re.escape(self.stem) + rf"\.(\d{{{self.digits},}})\.exr", re.ASCII)
-        matches = [match for match in map(pattern.fullmatch, self._names()) if match]
+        matches = [match for match in map(pattern.fullmatch, names) if match]
         # "clip.00007.exr" is not ours: 7 is written with four digits.
         return sorted(int(m[1]) for m in matches if self.frame_path(int(m[1])).name == m[0])
 
@@ -137,7 +141,7 @@ class OutputFolder:
         if overwrite:
             return "replace"
         _refuse_another(present, wanted, str(self.path))
-        changed = _differences(present.settings, wanted.settings)
+        changed = settings_changes(present.settings, wanted.settings)
         if changed and not update:
             raise OutputError(
                 f"the folder was converted with other settings ({', '.join(changed)})",
@@ -180,8 +184,9 @@ class OutputFolder:
 
     def other_frames(self) -> list[str]:
         """The names of EXR files that are numbered like ours but belong to another stem."""
-        ours = {self.frame_path(number).name for number in self.frame_numbers()}
-        return sorted(n for n in self._names() if _NUMBERED.fullmatch(n) and n not in ours)
+        names = self._names()
+        ours = {self.frame_path(number).name for number in self._numbers_in(names)}
+        return sorted(n for n in names if _NUMBERED.fullmatch(n) and n not in ours)
 
     def verify(
         self, fingerprints: Mapping[int, str], jobs: int = 1, forms: Forms = lambda number: None
@@ -251,39 +256,3 @@ def _refuse_another(present: Manifest, wanted: Manifest, where: str) -> None:
     else:
         return
     raise OutputError(what, where=where, remedy="Choose another folder, or use --overwrite.")
-
-
-def _differences(old: Mapping[str, object], new: Mapping[str, object]) -> list[str]:
-    def show(values: Mapping[str, object], name: str) -> str:
-        value = values.get(name)
-        if isinstance(value, float):
-            return f"{value:.6g}"
-        return json.dumps(value, sort_keys=True) if name in values else "unset"
-
-    # In folders from before it was recorded, the frames' fingerprints decide.
-    names = sorted((old.keys() | new.keys()) - ({"algorithm"} - old.keys()))
-    pairs = ((name, show(old, name), show(new, name)) for name in names)
-    changed = [
-        _shots_changed(old, new)
-        if name == "shots"
-        else f"{name.replace('_', '-')} {was[:40]} -> {now[:40]}"
-        for name, was, now in pairs
-        if was != now
-    ]
-    return [*changed[:4], f"and {len(changed) - 4} more"] if len(changed) > 4 else changed
-
-
-def _shots_changed(old: Mapping[str, object], new: Mapping[str, object]) -> str:
-    """The shots that differ, by the frame numbers of their files."""
-    first, rows = new.get("first_number", 1), list[str]()
-    both = [
-        {json.dumps(shot): shot for shot in shots} if isinstance(shots, list) else {}
-        for shots in (old.get("shots", []), new.get("shots", []))
-    ]
-    for text in sorted(both[0].keys() ^ both[1].keys()):
-        match both[0].get(text, both[1].get(text)), first:
-            case [int(begin), int(end), _], int(start):
-                rows.append(f"{begin + start}-{end + start}")
-    told = sorted(set(rows), key=lambda text: int(text.split("-")[0]))
-    more = f" and {len(told) - 3} more" if len(told) > 3 else ""
-    return f"shots of frames {', '.join(told[:3])}{more}"

@@ -16,7 +16,14 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from itmo_video.errors import InputError, OutputError
-from itmo_video.output.atomic import StrPath, output_error, sweep_temp_files, temp_path, write_whole
+from itmo_video.output.atomic import (
+    RUN_AGAIN,
+    StrPath,
+    output_error,
+    sweep_temp_files,
+    temp_path,
+    write_whole,
+)
 from itmo_video.regular_file import open_regular
 from itmo_video.source.digest import content_digest
 
@@ -98,7 +105,7 @@ class Gate:
                 self._check_present()
             os.replace(temp, self.path)
         except OSError as error:
-            raise output_error(error, self.path) from error
+            raise output_error(error, self.path, RUN_AGAIN) from error
 
     def write(self, data: bytes) -> int:
         """Write `data` atomically via a temporary file; returns the size in bytes."""

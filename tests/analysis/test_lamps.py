@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
 
 import numpy as np
@@ -52,3 +53,14 @@ def test_analyse_says_it_of_each_shot(street: Path) -> None:
     for lamps in (1.0, 2.0):
         (shot,) = analyse(street, make_settings("default", lamps=lamps)).shots
         assert str(shot.rendering).endswith("; lamps has no effect") == (lamps == 2.0)
+
+
+def test_a_shot_of_its_own_is_named(tmp_path: Path, street: Path) -> None:
+    found = analyse(street)
+    for lamps, told in ((2.0, True), (1.0, False)):
+        shot = dataclasses.replace(found.shots[0], own={"lamps": lamps})
+        run = RunOptions(analysis=dataclasses.replace(found, shots=(shot,)))
+        events: list[Event] = []
+        convert(street, tmp_path / str(lamps), None, run, events.append)
+        said = [event.message for event in events if isinstance(event, Warned)]
+        assert any("lamps has no effect in shots like that of frame 1" in t for t in said) == told

@@ -35,11 +35,14 @@ def test_an_update_of_part_names_the_rest(tmp_path: Path, clip: Path) -> None:
     out = tmp_path / "out"
     convert(clip, out, OLD)
     planned = checking.describe_plan(clip, out, NEW, RunOptions(frames="2-3", update=True))
-    assert "notice: 6 frames (1,4-8) keep other settings" in planned
+    assert "notice: 6 frames (1,4-8) are of other settings or another source; the same" in planned
     (told,) = _told(clip, out, RunOptions(frames="2-3", update=True))
-    assert told.startswith("6 frames (1,4-8) keep other settings; the same command for all frames")
+    assert told == (
+        "6 frames (1,4-8) are of other settings or another source; the same command with "
+        "--frames 1,4-8 re-renders them"
+    )
     assert _told(clip, out, RunOptions(frames="1-7", overwrite=True)) == [
-        "1 frame (8) keeps other settings; the same command for all frames (without --frames) "
+        "1 frame (8) is of other settings or another source; the same command with --frames 8 "
         "re-renders them"
     ]
     assert _told(clip, out, RunOptions(update=True)) == []
@@ -75,8 +78,8 @@ def test_a_pipe_over_part_of_a_folder(tmp_path: Path, clip: Path) -> None:
         convert(fifo, out, settings, run, events.append)
         feeder.join(30)
         told += [event.message for event in events if isinstance(event, Warned)]
-    assert [text for text in told if text.startswith("5 frames (4-8) keep other settings")]
-    assert len([text for text in told if "keep other settings" in text]) == 1
+    assert [text for text in told if text.startswith("5 frames (4-8) are of other settings")]
+    assert len([text for text in told if "of other settings" in text]) == 1
 
 
 def test_a_frame_that_cannot_be_read_has_no_settings(tmp_path: Path, clip: Path) -> None:
@@ -85,4 +88,4 @@ def test_a_frame_that_cannot_be_read_has_no_settings(tmp_path: Path, clip: Path)
     (out / "clip.0001.exr").write_bytes(b"")
     (out / "clip.0002.exr").write_bytes((out / "clip.0002.exr").read_bytes()[:2000])
     (told,) = _told(clip, out, RunOptions(frames="4", update=True))
-    assert told.startswith("2 frames (2-3) keep"), "a cut file still states its settings"
+    assert told.startswith("2 frames (2-3) are of other"), "a cut file still states its settings"

@@ -61,6 +61,12 @@ STRANGERS: dict[str, Callable[[Path], Path]] = {
     "of another number": lambda made: made / "c/c.0002.exr",
 }
 
+TOLD = {
+    "another film's": "source, number or version differ",
+    "of other settings": r"settings differ \(l-max .* peak-nits 300 -> 1000\)",
+    "of another number": "source, number or version differ",
+}
+
 
 @pytest.mark.parametrize("kind", STRANGERS)
 def test_a_frame_that_is_not_the_folders_is_refused(
@@ -70,7 +76,7 @@ def test_a_frame_that_is_not_the_folders_is_refused(
     for name, line in readers(made, folder).items():
         assert main(line) == 3, name
         assert "c.0003.exr: not a frame of this folder" in capsys.readouterr().err, name
-    with pytest.raises(InputError, match="not a frame of this folder"):
+    with pytest.raises(InputError, match=f"not a frame of this folder: its {TOLD[kind]}"):
         open_result(folder)[3]
     assert open_result(folder)[2].index == 1
     assert not list(folder.parent.glob("*.y4m"))

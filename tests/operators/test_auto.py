@@ -139,6 +139,13 @@ def test_a_shoulder_is_told_from_clipping() -> None:
     assert "camera" in clipped.in_words(PEAK)
 
 
+def test_few_clipped_pixels_are_not_called_nothing() -> None:
+    picture = np.full((64, 64, 3), 0.4, np.float32)
+    assert "nothing reaches white" in auto_rendering.rendering_of(picture).in_words(PEAK)
+    picture[20, 20] = 1
+    assert "hardly anything clips" in auto_rendering.rendering_of(picture).in_words(PEAK)
+
+
 def test_what_clipped_alone_on_a_wall_is_no_lamp() -> None:
     wall = np.full((64, 64, 3), (0.9, 0.6, 0.45), np.float32)
     wall[20, 20, 0] = 1
