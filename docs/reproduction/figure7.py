@@ -27,6 +27,7 @@ from common import (
 )
 
 from itmo_video import RunOptions, convert, make_settings, read_exr
+from itmo_video.colour.transfer import pq_code
 from itmo_video.evaluation import fidelity
 
 WIDTH, HEIGHT, FRAMES = 480, 270, 12
@@ -152,7 +153,7 @@ def _row(name: str, test: list[Any], shown: list[Any]) -> Any:
     """Difference of PQ code, 0 to 0.15, of three frames."""
     row = []
     for a, b in list(zip(test, shown, strict=True))[::5]:
-        difference = np.abs(fidelity.pq_encode(a) - fidelity.pq_encode(b))
+        difference = np.abs(pq_code(a) - pq_code(b))
         grey = (np.clip(difference / 0.15, 0, 1) * 255).astype(np.uint8)
         row.append(labelled(cv2.applyColorMap(grey, cv2.COLORMAP_INFERNO), name))
     return np.hstack(row)

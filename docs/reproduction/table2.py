@@ -16,6 +16,7 @@ import numpy as np
 from common import HIGHLIGHTS, converted, data_folder, linear, luminance, read_hdr, srgb_codes
 from table1 import PAPER, exposure_for
 
+from itmo_video.colour.transfer import pq_code
 from itmo_video.evaluation import fidelity
 from itmo_video.operators import OPERATORS
 
@@ -127,7 +128,7 @@ def main() -> None:
 
 def _where(rgb: Any, truth: Any, l_max: float) -> tuple[float, float, float, float]:
     test, reference = (fidelity.displayed(x, WHITE, WHITE * l_max) for x in (rgb, truth))
-    difference = np.abs(fidelity.pq_encode(test) - fidelity.pq_encode(reference))
+    difference = np.abs(pq_code(test) - pq_code(reference))
     clipped = truth.max(axis=-1) >= 1
     seen, plain = difference > fidelity.VISIBLE, difference > fidelity.OBVIOUS
     return (

@@ -13,12 +13,12 @@ from typing import Any, Literal
 import cv2
 import numpy as np
 
+from itmo_video.colour.primaries import LUMINANCE_WEIGHTS_BT709
 from itmo_video.delivery.lettering import Picture, text_mask, write
 
 Scale = Literal["stops", "nits"]
 
 LEGEND_ROWS_MIN = 24
-_WEIGHTS = (0.2126, 0.7152, 0.0722)
 _DARKEST_STOP = -8
 # The bands in nits are those of the studio and the report, viewer/false_colour.js.
 ROUND_NITS = (
@@ -44,7 +44,7 @@ def false_colour(linear: Picture, scale: Scale, white_nits: float, peak: float) 
     of cividis. `peak` is the highest luminance, SDR white = 1.
     """
     steps = bands(scale, white_nits, peak)
-    luminance = linear @ np.array(_WEIGHTS, np.float32)
+    luminance = linear @ np.array(LUMINANCE_WEIGHTS_BT709, np.float32)
     edges = np.array([band.lower for band in steps[1:]], np.float32)
     colours = np.array([band.colour for band in steps], np.float32)
     return np.concatenate(
@@ -115,7 +115,9 @@ def _legend(width: int, height: int, steps: tuple[Band, ...], scale: Scale) -> P
         # A mark may go without its number; overlapping numbers would be illegible.
         if left < written_to or left + 3 + mask.shape[1] > width:
             continue
-        ink = (0.0,) * 3 if float(np.dot(band.colour, _WEIGHTS)) > 0.4 else (1.0,) * 3
+        ink = (
+            (0.0,) * 3 if float(np.dot(band.colour, LUMINANCE_WEIGHTS_BT709)) > 0.4 else (1.0,) * 3
+        )
         bar[:, left : left + 1] = ink
         write(bar, mask, (left + 3, (rows - mask.shape[0]) // 2), ink)
         written_to = left + 6 + mask.shape[1]

@@ -16,11 +16,12 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from itmo_video.colour.primaries import LUMINANCE_WEIGHTS_BT709
+from itmo_video.colour.transfer import pq_code
 from itmo_video.model import Float64
 
 Floats: TypeAlias = npt.NDArray[np.floating[Any]]
 
-LUMINANCE_WEIGHTS = (0.2126, 0.7152, 0.0722)  # BT.709, for measurements (design.md)
 DARKEST_NITS = 0.005  # PU21 starts here, and so does the display
 PU21_PEAK = 256.0  # PU21's code of 100 cd/m2, the peak of its PSNR and SSIM (Mantiuk and Azimi)
 VISIBLE = 0.01  # of PQ code: about a tenth of the luminance at 100 cd/m2, 7 steps of Delta E ITP
@@ -32,8 +33,6 @@ _PU21 = (  # banding_glare, table 1 of the publication
     0.353487901, 0.3734658629, 8.277049286e-05, 0.9062562627,
     0.09150303166, 0.9099517204, 596.3148142,
 )  # fmt: skip
-_M1, _M2 = 2610 / 16384, 2523 / 32
-_C1, _C2, _C3 = 3424 / 4096, 2413 / 128, 2392 / 128
 
 
 @dataclass(frozen=True)
@@ -72,13 +71,7 @@ def displayed(rgb: Floats, white_nits: float = 203.0, peak_nits: float = 1000.0)
     if np.isnan(light).any():
         raise ValueError("the picture has pixels that are not numbers (NaN)")
     shown = np.clip(light, DARKEST_NITS, peak_nits)
-    return np.asarray(shown @ np.array(LUMINANCE_WEIGHTS))
-
-
-def pq_encode(nits: Floats) -> Float64:
-    """PQ code in [0, 1] of luminance in [0, 10000] cd/m2 (SMPTE ST 2084, eq. 5.2); any shape."""
-    power = np.clip(np.asarray(nits, np.float64) / 10000, 0, 1) ** _M1
-    return np.asarray(((_C1 + _C2 * power) / (1 + _C3 * power)) ** _M2)
+    return np.asarray(shown @ np.array(LUMINANCE_WEIGHTS_BT709))
 
 
 def pu21_encode(nits: Floats) -> Float64:
@@ -101,7 +94,7 @@ def psnr_db(test: Floats, reference: Floats, peak: float) -> float:
 
 def pq_psnr_db(test_nits: Floats, reference_nits: Floats) -> float:
     """PSNR of PQ codes of luminance, peak 1."""
-    return psnr_db(pq_encode(test_nits), pq_encode(reference_nits), 1.0)
+    return psnr_db(pq_code(test_nits), pq_code(reference_nits), 1.0)
 
 
 def pu21_psnr_db(test_nits: Floats, reference_nits: Floats) -> float:
@@ -169,7 +162,7 @@ def visible_share(test_nits: Floats, reference_nits: Floats, threshold: float = 
     Our own measure, pixel by pixel: unlike HDR-VDP it models neither masking nor size.
     """
     _check(test_nits, reference_nits)
-    return float(np.mean(np.abs(pq_encode(test_nits) - pq_encode(reference_nits)) > threshold))
+    return float(np.mean(np.abs(pq_code(test_nits) - pq_code(reference_nits)) > threshold))
 
 
 def compare(test_nits: Floats, reference_nits: Floats, white_nits: float = 203.0) -> Fidelity:

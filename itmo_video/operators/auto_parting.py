@@ -16,6 +16,7 @@ import numpy as np
 
 from itmo_video.colour.analysis_picture import area_means
 from itmo_video.colour.luminance import greatest_of
+from itmo_video.colour.primaries import LUMINANCE_WEIGHTS_BANTERLE2006
 from itmo_video.kernels import compiled_near_white
 from itmo_video.kernels.dispatch import with_compiled_form
 from itmo_video.model import Float32
@@ -36,7 +37,6 @@ APART_STOPS, APART_POWER = 0.5, 1.5  # of separation if the colour spans a stop
 FREE_FROM, FREE_WHOLLY = 0.87, 1.0  # of white: the second highest channel nearby, when clipping
 SHOWN_FROM, SHOWN_WHOLLY = 0.2, 0.5  # of white, linear: bright enough to show a colour
 SHOWN_SHARE = 0.05  # of such pixels nearby is enough to know the colour
-LUMINANCE = (0.213, 0.715, 0.072)
 _SMALLER = 4  # wide averages are computed at this fraction of the size
 _TRACE, _DARK = np.float32(1e-3), np.float32(1e-3)
 
@@ -162,7 +162,9 @@ def held_together(stops: Float32, lost: Float32, decided: Float32) -> Float32:
 
 
 def _luminance(planes: Sequence[Float32]) -> Float32:
-    red, green, blue = (np.float32(w) * p for w, p in zip(LUMINANCE, planes, strict=True))
+    red, green, blue = (
+        np.float32(w) * p for w, p in zip(LUMINANCE_WEIGHTS_BANTERLE2006, planes, strict=True)
+    )
     return np.asarray(red + green + blue, np.float32)
 
 
