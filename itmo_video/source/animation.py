@@ -15,7 +15,7 @@ from itmo_video.regular_file import read_regular
 from itmo_video.source import pillow_stills, still_colour
 from itmo_video.source.animation_times import Timing
 from itmo_video.source.clip import Clip
-from itmo_video.source.digest import content_digest
+from itmo_video.source.digest import SourceFiles
 from itmo_video.source.files import PICTURE_BYTES, check_pixels
 from itmo_video.source.gif_canvas import on_clear_canvas
 from itmo_video.source.planes import upright
@@ -29,9 +29,15 @@ class AnimationClip(Clip):
     """An animation by frame number; frame n is what a viewer shows at that frame's time."""
 
     def __init__(
-        self, path: Path, kind: StillFormat, timing: Timing, options: InputOptions
+        self,
+        path: Path,
+        kind: StillFormat,
+        timing: Timing,
+        options: InputOptions,
+        source: SourceFiles,
     ) -> None:
-        self._path, self._kind, self._options = path, kind, options
+        """`source` is the file as it was before its `timing` was read."""
+        self._path, self._kind, self._options, self._source = path, kind, options, source
         if not timing.lengths_s:
             raise InputError(f"cannot be decoded: {timing.damage}", where=str(path))
         self._has_alpha = timing.needs_alpha
@@ -71,14 +77,16 @@ class AnimationClip(Clip):
             field_order="progressive",
             timecode=None,
             encoding=self._encoding,
-            digest=content_digest([path]),
+            digest=self._source.digest(),
             notices=tuple(notices),
             frames_declared=max(timing.declared, count + (timing.damage is not None)),
         )
 
     def frames(self, start: int = 0) -> Iterator[Frame]:
         """Yield the composed frames from index `start` on; stops at the first damaged one."""
+        self._source.check(self._path)
         data, where = read_regular(self._path, PICTURE_BYTES), str(self._path)
+        self._source.check(self._path)  # ensures that what was read is what was hashed
         data, before = on_clear_canvas(data) if self._kind == "gif" else (data, 0)
         with pillow_stills.opened(data, self._kind, self._options.max_pixels, where) as image:
             for index in range(self.info.frames):
@@ -92,6 +100,7 @@ class AnimationClip(Clip):
                 except DamagedInputError:
                     return
                 if index >= start:
+                    self._source.check(self._path)
                     yield self._frame(index, picture)
 
     def time_s(self, index: int) -> Fraction:

@@ -16,6 +16,7 @@ from itmo_video.source.animation import AnimationClip
 from itmo_video.source.animation_times import timing
 from itmo_video.source.clip import Clip as Clip
 from itmo_video.source.clip import Resampled
+from itmo_video.source.digest import SourceFiles
 from itmo_video.source.still_reading import kind_of
 from itmo_video.source.stills import StillClip, is_pattern, sequence
 from itmo_video.source.tags import InputOptions
@@ -46,11 +47,12 @@ def open_clip(path: str | Path, options: InputOptions | None = None) -> Clip:
         clip = StillClip(absolute, sequence(absolute), options)
     else:
         files.check_file(absolute)
+        found = SourceFiles([absolute], files.PICTURE_BYTES)
         kind = kind_of(absolute)
         if kind is None:
             clip = VideoClip(absolute, options)
         elif (timed := timing(read_regular(absolute, files.PICTURE_BYTES), kind)) is not None:
-            clip = AnimationClip(absolute, kind, timed, options)
+            clip = AnimationClip(absolute, kind, timed, options, found)
         else:
             clip = StillClip(absolute, {0: absolute}, options)
     if options.fps is None or isinstance(clip, StillClip):  # images have no time stamps

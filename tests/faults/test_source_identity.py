@@ -10,15 +10,18 @@ from typing import Any
 import cv2
 import pytest
 from clips import exr_bytes, moving_scene, write_ffv1
+from PIL import Image
 
 from itmo_video import DamagedInputError, RunOptions, convert, make_settings, open_clip
 from itmo_video.cli.main import main
-from itmo_video.events import FrameDone
+from itmo_video.events import FrameDone, Started
 from itmo_video.look import make_look
 from itmo_video.regular_file import open_regular
 from itmo_video.rendering.spans import frames_in_flight
-from itmo_video.source import digest, remembered
+from itmo_video.source import digest, opening, remembered
+from itmo_video.source.animation_times import Timing, timing
 from itmo_video.source.digest import SourceFiles, content_digest, file_digest
+from itmo_video.source.still_formats import StillFormat
 
 QUICK: dict[str, Any] = {"compression": "none", "lights": 16}
 
@@ -183,6 +186,58 @@ def test_a_sequence_that_changes_in_mid_run_is_told(
     with pytest.raises(DamagedInputError, match="while it was being read") as caught:
         list(frames)
     assert caught.value.where == str(victim)
+
+
+@pytest.mark.parametrize("how", ["renamed over", "written to", "removed"])
+@pytest.mark.parametrize("form", ["gif", "webp"])
+def test_an_animation_replaced_in_mid_run_leaves_no_frame_of_the_other(
+    form: str, how: str, tmp_path: Path
+) -> None:
+    clip, other = tmp_path / f"a.{form}", tmp_path / f"b.{form}"
+    for path, seed in ((clip, 1), (other, 9)):
+        first, *more = map(Image.fromarray, moving_scene(4, width=64, height=48, seed=seed))
+        first.save(path, save_all=True, append_images=more, duration=100)
+
+    def on_event(event: object) -> None:
+        if isinstance(event, Started):
+            if how == "renamed over":
+                os.replace(other, clip)
+            elif how == "written to":
+                clip.write_bytes(other.read_bytes())
+            else:
+                clip.unlink()
+
+    with pytest.raises(DamagedInputError, match="while it was being read"):
+        convert(clip, tmp_path / "o", make_settings(**QUICK), on_event=on_event)
+    assert exr_bytes(tmp_path / "o") == {}, "frames of the new file bear the old one's fingerprint"
+
+
+def test_an_animation_changed_while_its_frames_are_taken_is_told(tmp_path: Path) -> None:
+    path = tmp_path / "a.gif"
+    first, *more = map(Image.fromarray, moving_scene(4, width=64, height=48))
+    first.save(path, save_all=True, append_images=more, duration=100)
+    with open_clip(path) as clip:
+        frames = clip.frames()
+        next(frames)
+        path.unlink()
+        with pytest.raises(DamagedInputError, match="was removed while it was being read"):
+            next(frames)
+
+
+def test_an_animation_replaced_while_it_is_opened_is_told(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "a.gif"
+    first, *more = map(Image.fromarray, moving_scene(4, width=64, height=48))
+    first.save(path, save_all=True, append_images=more, duration=100)
+
+    def replaced(data: bytes, kind: StillFormat) -> Timing | None:
+        first.save(path, save_all=True, append_images=more[:1], duration=40)
+        return timing(data, kind)
+
+    monkeypatch.setattr(opening, "timing", replaced)
+    with pytest.raises(DamagedInputError, match="changed while it was being read"):
+        open_clip(path)
 
 
 def test_a_sequence_with_odd_members_has_gaps(tmp_path: Path) -> None:
