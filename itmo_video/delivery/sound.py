@@ -49,7 +49,8 @@ class Sound:
         self._streams = [track for track in audio if track.index in self._targets]
         video, _ = choose_video(self._box, stream, str(source))
         self._is_joined = bool(self._streams) and _is_joined(source, video)
-        starts = [s.start_time * Fraction(s.time_base) for s in self._streams if s.start_time]
+        started = [track for track in self._streams if track.start_time is not None]
+        starts = [s.start_time * Fraction(s.time_base) for s in started]
         zero = (video.start_time or 0) * Fraction(video.time_base)
         self._zero_s = zero if self._is_joined else Fraction(0)
         self.first_s = min(starts, default=zero) - self._zero_s

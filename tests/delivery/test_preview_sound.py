@@ -93,6 +93,33 @@ def test_a_capture_that_begins_late_is_a_film_that_begins_at_once(tmp_path: Path
         assert video["last"] == pytest.approx(11 / 24, abs=0.05)
 
 
+def test_sound_from_0_before_a_later_picture_is_kept(tmp_path: Path) -> None:
+    """PCM has no priming, which would let the sound begin before 0."""
+    source = tmp_path / "source.mov"
+    with av.open(str(source), "w") as box:
+        video, sound = box.add_stream("mpeg4", rate=24), box.add_stream("pcm_s16le", rate=48000)
+        video.width, video.height, video.pix_fmt = 64, 48, "yuv420p"
+        for n in range(12):
+            frame = av.VideoFrame.from_ndarray(np.full((48, 64, 3), 20 * n, np.uint8), "rgb24")
+            frame = frame.reformat(format="yuv420p", threads=1)
+            frame.pts, frame.time_base = n + 12, Fraction(1, 24)
+            box.mux(video.encode(frame))
+        for n in range(24):
+            tone = av.AudioFrame.from_ndarray(np.ones((1, 2000), np.int16), "s16", "mono")
+            tone.sample_rate, tone.pts = 48000, 2000 * n
+            box.mux(sound.encode(tone))
+        for stream in (video, sound):
+            box.mux(stream.encode())
+    with av.open(str(source)) as box:
+        assert (box.streams.audio[0].start_time, box.streams.video[0].start_time) == (0, 6144)
+    made(source, tmp_path / "a.mov", "--codec", "prores")
+    with av.open(str(tmp_path / "a.mov")) as box:
+        samples = sum(frame.samples for frame in box.decode(audio=0))
+        assert samples == 48000, "half a second, before the picture, is lost"
+        box.seek(0)
+        assert next(box.decode(video=0)).time == pytest.approx(0.5, abs=0.001)
+
+
 def test_joined_captures_are_one_film(tmp_path: Path) -> None:
     early = write_clip(tmp_path / "early.ts", TRACKS[:1]).read_bytes()
     late = write_clip(tmp_path / "late.ts", TRACKS[:1], start_s=40000).read_bytes()
