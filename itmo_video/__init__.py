@@ -18,10 +18,10 @@ if TYPE_CHECKING:
     from itmo_video.arrays.expand import expand_frames as expand_frames
     from itmo_video.arrays.result import Result as Result
     from itmo_video.arrays.result import open_result as open_result
-    from itmo_video.conversion.convert import Summary as Summary
     from itmo_video.conversion.convert import convert as convert
     from itmo_video.conversion.plan import Plan as Plan
     from itmo_video.conversion.run_options import RunOptions as RunOptions
+    from itmo_video.conversion.summary import Summary as Summary
     from itmo_video.delivery.preview import PreviewSummary as PreviewSummary
     from itmo_video.delivery.preview import preview as preview
     from itmo_video.delivery.preview_options import PreviewOptions as PreviewOptions
@@ -63,9 +63,10 @@ _ROOMS = {
     "analysis.reading": ("read_analysis",),
     "arrays.expand": ("Expanded", "expand", "expand_frames"),
     "arrays.result": ("Result", "open_result"),
-    "conversion.convert": ("Summary", "convert"),
+    "conversion.convert": ("convert",),
     "conversion.plan": ("Plan",),
     "conversion.run_options": ("RunOptions",),
+    "conversion.summary": ("Summary",),
     "delivery.preview": ("PreviewSummary", "preview"),
     "delivery.preview_options": ("PreviewOptions",),
     "errors": (

@@ -10,10 +10,11 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 
 from itmo_video.cluster.allocator import keep_freed_memory
-from itmo_video.conversion.convert import Job, Summary, ToMake, frames_to_make, render_job
+from itmo_video.conversion.convert import Job, ToMake, frames_to_make, render_job
 from itmo_video.conversion.frame_ranges import format_ranges
 from itmo_video.conversion.plan import ALGORITHM, Plan, ShotLook, make_plan
 from itmo_video.conversion.run_options import RunOptions
+from itmo_video.conversion.summary import Summary
 from itmo_video.errors import ClusterError, DamagedInputError, InputError, ItmoError, OutputError
 from itmo_video.events import ignore
 from itmo_video.kernels.arithmetic import arithmetic

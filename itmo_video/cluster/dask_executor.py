@@ -17,7 +17,8 @@ from typing import TYPE_CHECKING, Any
 
 from itmo_video.cluster.address import LOCAL, Tls, check_address, security_for
 from itmo_video.cluster.chunks import Outcome, cut_into_chunks, try_chunk
-from itmo_video.conversion.convert import Executor, Job, Summary
+from itmo_video.conversion.convert import Executor, Job
+from itmo_video.conversion.summary import Summary
 from itmo_video.errors import ClusterError, DamagedInputError, ItmoError, UsageError
 from itmo_video.events import FrameDone, OnEvent
 from itmo_video.output.atomic import sweep_temp_folders, temp_path

@@ -4,7 +4,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from itmo_video.conversion.convert import ToMake, _other_settings, _shortage, frames_to_make
+from itmo_video.conversion.convert import (
+    ToMake,
+    folder_shortage,
+    frames_to_make,
+    rendered_otherwise,
+)
 from itmo_video.conversion.frame_ranges import format_ranges
 from itmo_video.conversion.left_frames import left_frames
 from itmo_video.conversion.plan import keys_on_grid, make_plan
@@ -28,7 +33,7 @@ def describe_plan(
     folder.check(plan.manifest, overwrite=run.overwrite, update=run.update)
     todo, others, _ = ToMake(dict(plan.numbers)) if run.null else frames_to_make(plan, folder, run)
     if others:
-        raise _other_settings(others, folder)
+        raise rendered_otherwise(others, folder)
     width, height = plan.clip.display_size
     needed = 0 if run.null else len(todo) * plan.estimated_frame_bytes
     frames = counted(len(plan.numbers), "frame")
@@ -44,7 +49,7 @@ def describe_plan(
     if plan.shots:
         lines.append(f"{counted(len(plan.shots), 'shot')} with their own settings")
     lines += [f"notice: {left}" for left in left_frames(plan, folder, run, plan.numbers)]
-    if not run.null and (short := _shortage(plan, folder, len(todo))):
+    if not run.null and (short := folder_shortage(plan, folder, len(todo))):
         lines.append(f"warning: {short}")
     return "\n".join(lines)
 

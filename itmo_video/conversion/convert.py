@@ -6,23 +6,23 @@ import dataclasses
 import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
-import numpy as np
-
-from itmo_video.conversion.exr_headers import exr_header
 from itmo_video.conversion.frame_ranges import format_ranges
+from itmo_video.conversion.from_pipe import convert_pipe
 from itmo_video.conversion.left_frames import left_frames
 from itmo_video.conversion.plan import Plan, make_plan
 from itmo_video.conversion.run_options import RunOptions
+from itmo_video.conversion.summary import Summary, count_frame, nothing_expanded
+from itmo_video.conversion.written_frames import peak_of, write_frame
 from itmo_video.errors import DamagedInputError, OutputError, UsageError
 from itmo_video.events import Finished, FrameDone, OnEvent, Started, Warned, ignore
 from itmo_video.look import make_look
-from itmo_video.model import Frame, Half
+from itmo_video.model import Frame
 from itmo_video.options import checked, checked_path
-from itmo_video.output import disk_space, exr
+from itmo_video.output import disk_space
 from itmo_video.output.folder import OutputFolder
 from itmo_video.output.folder_names import check_folder_name
 from itmo_video.presets import as_settings
@@ -32,30 +32,6 @@ from itmo_video.settings import Settings
 from itmo_video.source.opening import Clip, input_options, open_clip
 from itmo_video.source.pipe import is_pipe
 from itmo_video.words import counted, frames_are, frames_named, missing
-
-_HARDLY = 1.15  # times SDR white, which codes above white reach anyway
-
-
-@dataclass
-class Summary:
-    """The result of a conversion: counts, and the numbers of `missing` and `damaged` frames.
-
-    `peak_nits` is the brightest channel written, None if nothing was written.
-
-    >>> from itmo_video import convert
-    >>> once, again = convert("clip.mkv", "out"), convert("clip.mkv", "out")
-    >>> (once.written, once.present), (again.written, again.present)
-    ((3, 0), (0, 3))
-    """
-
-    wanted: int
-    present: int
-    written: int = 0
-    missing: list[int] = field(default_factory=list)
-    damaged: list[int] = field(default_factory=list)
-    seconds: float = 0.0
-    bytes_written: int = 0
-    peak_nits: float | None = None
 
 
 class ToMake(NamedTuple):
@@ -110,8 +86,6 @@ def convert(
     source, output = checked_path(source, "source"), checked_path(output, "output")
     check_folder_name(output, source)
     if is_pipe(source):
-        from itmo_video.conversion.from_pipe import convert_pipe  # it needs this module's names
-
         if executor is not None:
             raise UsageError("a pipe cannot be distributed", remedy="Convert the file itself.")
         return convert_pipe(source, output, settings, run, on_event)
@@ -126,7 +100,7 @@ def convert(
             folder.claim(plan.manifest, overwrite=run.overwrite, update=run.update)
             folder.sweep_temp_files()
             todo, others, concealed = frames_to_make(plan, folder, run)
-            if short := _shortage(plan, folder, len(todo)):
+            if short := folder_shortage(plan, folder, len(todo)):
                 on_event(Warned(short))
         summary = Summary(len(plan.numbers), len(plan.numbers) - len(todo) - len(others))
         summary.damaged.extend(concealed)
@@ -144,7 +118,7 @@ def convert(
     if ended or summary.missing or summary.damaged or cut_short:
         raise _damage(plan, summary, ended, cut_short, clip.faults)
     if others:
-        raise _other_settings(others, folder)
+        raise rendered_otherwise(others, folder)
     return summary
 
 
@@ -171,24 +145,11 @@ def render_job(job: Job, summary: Summary, on_event: OnEvent) -> list[DamagedInp
 
     def sink(frame: Frame, rendered: Rendered) -> None:
         number = by_index[frame.index]
-        size = 0
-        if not run.null:
-            size = exr.write_exr(
-                job.folder.frame_path(number),
-                rendered.rgb,
-                exr_header(plan, number, frame),
-                alpha=rendered.alpha,
-                layers=rendered.layers,
-                durable=run.durable,
-            )
+        size = write_frame(plan, job.folder, run, number, frame, rendered)
         peak = peak_of(rendered.rgb) * plan.settings.white_nits
         with lock:
-            summary.peak_nits = max(peak, summary.peak_nits or 0.0)
             by_index.pop(frame.index)
-            summary.written += 1
-            summary.bytes_written += size
-            if frame.is_damaged:
-                summary.damaged.append(number)
+            count_frame(summary, number, size, peak, is_damaged=frame.is_damaged)
             on_event(FrameDone(number, summary.written, len(job.todo)))
 
     ended = spans.render_frames(
@@ -198,40 +159,8 @@ def render_job(job: Job, summary: Summary, on_event: OnEvent) -> list[DamagedInp
     return ended
 
 
-def nothing_expanded(plan: Plan, summary: Summary) -> str | None:
-    """A notice if everything was left as it was, with the likely reason, otherwise None."""
-    settings, peak = plan.settings, summary.peak_nits
-    is_auto = settings.operator == "auto" and settings.footage == "auto"
-    if settings.strength == 0 or not (is_auto or plan.look.needs_map):
-        return None
-    if peak is None or peak > _HARDLY * settings.white_nits:
-        return None
-    if settings.l_max_effective <= _HARDLY:
-        return (
-            f"nothing is expanded: the maximum is {settings.l_max_effective:.3g} times SDR white; "
-            "raise --peak-nits or --l-max"
-        )
-    if is_auto:
-        return (
-            "hardly anything was expanded: little in this footage seems to have been brighter than "
-            "white; --footage tone-mapped or --preset paper expands it anyway"
-        )
-    if plan.look.operator.sees == "rgb":
-        return None
-    return (
-        "hardly anything was expanded: the picture is dark, or nowhere are --min-lights "
-        f"({settings.min_lights}) of the --lights ({settings.lights}) within --radius"
-    )
-
-
-def peak_of(rgb: Sequence[Half]) -> float:
-    """The largest of all values, at least 0."""
-    # Positive half floats sort like their bits as integers; NumPy's maximum of halves is slow.
-    bits = max(int(plane.view(np.int16).max()) for plane in rgb)
-    return float(np.int16(max(0, bits)).view(np.float16))
-
-
-def _other_settings(numbers: Sequence[int], folder: OutputFolder) -> OutputError:
+def rendered_otherwise(numbers: Sequence[int], folder: OutputFolder) -> OutputError:
+    """What is raised for frames that are kept though they were made with other settings."""
     return OutputError(
         f"{frames_named(format_ranges(numbers))} rendered with other settings",
         where=str(folder.path),
@@ -266,6 +195,7 @@ def _damage(
     )
 
 
-def _shortage(plan: Plan, folder: OutputFolder, frames: int) -> str | None:
+def folder_shortage(plan: Plan, folder: OutputFolder, frames: int) -> str | None:
+    """A notice if so many frames hardly fit on the folder's disk, otherwise None."""
     needed = frames * plan.estimated_frame_bytes
     return disk_space.shortage(needed, disk_space.free_bytes(folder.path), str(folder.path))

@@ -8,17 +8,16 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from itmo_video.conversion.convert import Summary, nothing_expanded, peak_of
-from itmo_video.conversion.exr_headers import exr_header
 from itmo_video.conversion.frame_ranges import format_ranges, parse_ranges
 from itmo_video.conversion.left_frames import left_frames
 from itmo_video.conversion.plan import Plan
 from itmo_video.conversion.run_options import RunOptions
+from itmo_video.conversion.summary import Summary, count_frame, nothing_expanded
+from itmo_video.conversion.written_frames import peak_of, write_frame
 from itmo_video.errors import DamagedInputError, OutputError, UsageError
 from itmo_video.events import Finished, FrameDone, OnEvent, Started, Warned
 from itmo_video.look import Look, make_look
 from itmo_video.model import Frame
-from itmo_video.output import exr
 from itmo_video.output.folder import OutputFolder
 from itmo_video.rendering import spans
 from itmo_video.rendering.frame import Rendered
@@ -167,25 +166,13 @@ def _render(
     lock, made = threading.Lock(), set[int]()
 
     def sink(frame: Frame, rendered: Rendered) -> None:
-        number, size = frame.index + plan.first_number, 0
-        if not run.null:
-            size = exr.write_exr(
-                folder.frame_path(number),
-                rendered.rgb,
-                exr_header(plan, number, frame),
-                alpha=rendered.alpha,
-                layers=rendered.layers,
-                durable=run.durable,
-            )
+        number = frame.index + plan.first_number
+        size = write_frame(plan, folder, run, number, frame, rendered)
         peak = peak_of(rendered.rgb) * plan.settings.white_nits
         with lock:
-            summary.peak_nits = max(peak, summary.peak_nits or 0.0)
             if run.frames is not None:
                 made.add(number)
-            summary.written += 1
-            summary.bytes_written += size
-            if frame.is_damaged:
-                summary.damaged.append(number)
+            count_frame(summary, number, size, peak, is_damaged=frame.is_damaged)
             on_event(FrameDone(number, summary.written, summary.wanted))
 
     ended = spans.render_frames(clip, wanted, plan.look, plan.jobs, sink)

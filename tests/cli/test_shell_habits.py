@@ -18,7 +18,7 @@ from itmo_video.cli.log_file import LogFile
 from itmo_video.cli.main import main
 from itmo_video.cli.progress import Progress, bar_line
 from itmo_video.cli.terminal import named
-from itmo_video.conversion.convert import peak_of
+from itmo_video.conversion.written_frames import peak_of
 from itmo_video.errors import InputError, OutputError, UsageError
 from itmo_video.output.exr import read_exr
 from itmo_video.presets import make_settings

@@ -14,7 +14,8 @@ from same_bytes import assert_same_bytes
 
 from itmo_video import RunOptions, analyse, convert
 from itmo_video.cluster import chunks
-from itmo_video.conversion.convert import Job, Summary
+from itmo_video.conversion.convert import Job
+from itmo_video.conversion.summary import Summary
 from itmo_video.errors import (
     ClusterError,
     DamagedInputError,
