@@ -5,6 +5,8 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 
+from itmo_video.untrusted import parse_json
+
 
 def settings_changes(old: Mapping[str, object], new: Mapping[str, object]) -> list[str]:
     """`peak-nits 600 -> 1000` for each setting that differs, the first four of them.
@@ -37,7 +39,7 @@ def frames_changes(stated: str, folders: Mapping[str, object]) -> list[str]:
     The operator's parameters are left out: a frame states all of them.
     """
     try:
-        own = json.loads(stated)
+        own = parse_json(stated)
     except ValueError:
         return []
     if not isinstance(own, dict):

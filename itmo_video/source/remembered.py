@@ -15,6 +15,7 @@ import xxhash
 
 from itmo_video.errors import InputError
 from itmo_video.regular_file import read_regular
+from itmo_video.untrusted import parse_json
 
 _MOST_BYTES = 1 << 16
 
@@ -22,8 +23,8 @@ _MOST_BYTES = 1 << 16
 def digest(path: Path, found: os.stat_result) -> str | None:
     """The cached digest of `path`, if it is of the file that `found` describes."""
     try:
-        entry = json.loads(read_regular(_place(path), _MOST_BYTES))
-    except (InputError, ValueError, RecursionError):
+        entry = parse_json(read_regular(_place(path), _MOST_BYTES).decode())
+    except (InputError, ValueError):
         return None
     known = entry.get("digest") if isinstance(entry, dict) else None
     is_ours = isinstance(known, str) and len(known) == 32 and known.isalnum()

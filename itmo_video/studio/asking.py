@@ -10,6 +10,7 @@ from starlette.requests import Request
 
 from itmo_video.errors import UsageError
 from itmo_video.studio.guard import MAX_BODY
+from itmo_video.untrusted import parse_json
 
 
 async def body(request: Request) -> dict[str, Any]:
@@ -18,8 +19,8 @@ async def body(request: Request) -> dict[str, Any]:
     if len(data) > MAX_BODY:
         raise UsageError("request too long")
     try:
-        found = json.loads(data)
-    except (ValueError, RecursionError) as error:
+        found = parse_json(data.decode())
+    except ValueError as error:
         raise UsageError("the request is not JSON") from error
     if not isinstance(found, dict):
         raise UsageError("the request must be a JSON object")

@@ -8,6 +8,8 @@ import subprocess
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
+import OpenEXR
 import pytest
 from clips import moving_scene, write_ffv1
 from command import COMMAND
@@ -83,6 +85,18 @@ def test_a_frame_that_is_not_the_folders_is_refused(
     # As a truth, too.
     line = ["evaluate", str(made / "c"), "--reference", str(folder), "--json"]
     assert main(line) == 3
+
+
+@pytest.mark.parametrize("settings", ["[" * 20_000, '{"a":' * 20_000, "9" * 20_000, "[NaN]", "{"])
+def test_a_frame_with_hostile_settings_is_refused(
+    settings: str, folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """They are read to name what differs; the parser's own RecursionError was unexpected (1)."""
+    attributes = {"itmoFingerprint": "0" * 32, "itmoSettings": settings}
+    rgb = np.zeros((48, 64, 3), np.float16)
+    OpenEXR.File(attributes, {"RGB": rgb}).write(str(folder / "c.0003.exr"))
+    assert main(["preview", str(folder), str(folder.parent / "a.y4m")]) == 3
+    assert "c.0003.exr: not a frame of this folder" in capsys.readouterr().err
 
 
 def test_a_frame_of_another_compression_is_told(made: Path, folder: Path) -> None:
