@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import sys
-import threading
 from collections import deque
 from collections.abc import Generator, Iterable, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -18,11 +17,11 @@ from itmo_video.arrays.array_frames import ArrayFrames
 from itmo_video.conversion.run_options import RunOptions
 from itmo_video.errors import UsageError
 from itmo_video.look import Look, make_look
-from itmo_video.model import Frame, Half, Primaries
+from itmo_video.model import Half, Primaries
+from itmo_video.motion.cut_detection import Analysed
 from itmo_video.motion.keyframes import Span
 from itmo_video.presets import as_settings
 from itmo_video.rendering import spans
-from itmo_video.rendering.frame import Rendered
 from itmo_video.rendering.opencv_threads import single_opencv_thread
 from itmo_video.settings import Settings
 
@@ -116,7 +115,7 @@ def _expanded(frames: ArrayFrames, look: Look, jobs: int) -> Generator[Expanded,
             waiting: deque[Future[Expanded]] = deque()
             for span in spans.spans_of(frames, everything, look, ended.append, pool):
                 for analysed in span.frames:
-                    waiting.append(pool.submit(_rendered, span, analysed.index, look))
+                    waiting.append(pool.submit(_rendered, span, analysed, look))
                     if len(waiting) > jobs:
                         yield waiting.popleft().result()
             while waiting:
@@ -127,12 +126,7 @@ def _expanded(frames: ArrayFrames, look: Look, jobs: int) -> Generator[Expanded,
         raise ended[0]
 
 
-def _rendered(span: Span, index: int, look: Look) -> Expanded:
-    made: list[Rendered] = []
-
-    def sink(frame: Frame, done: Rendered) -> None:
-        made.append(done)
-
-    spans.render_span(span, frozenset({index}), look, sink, threading.Event())
-    layers = {name.removesuffix(".Y"): plane for name, plane in made[0].layers.items()}
-    return Expanded(index, np.dstack(made[0].rgb), layers, look.settings)
+def _rendered(span: Span, analysed: Analysed, look: Look) -> Expanded:
+    done = spans.render_from(span, analysed, look)
+    layers = {name.removesuffix(".Y"): plane for name, plane in done.layers.items()}
+    return Expanded(analysed.index, np.dstack(done.rgb), layers, look.settings)

@@ -19,17 +19,16 @@ from itmo_video.motion.cut_detection import CUT_REACH, Analysed, Placed
 
 @dataclass(eq=False)
 class Key:
-    """A keyframe: its picture, its map, and flows to the neighbouring keyframes of its shot."""
+    """A keyframe: its picture, its map, and flows to the neighbouring keyframes of its shot.
 
-    placed: Placed[Analysed]
+    `picture` is the one in which motion is estimated. The frame's codes are not kept.
+    """
+
+    index: int
+    picture: Code
     raw_map: Future[Float32]
     to_previous: Future[Float32] | None = None
     to_next: Future[Float32] | None = None
-
-    @property
-    def picture(self) -> Code:
-        """The picture in which motion is estimated."""
-        return self.placed.analysed.motion
 
 
 @dataclass(frozen=True)
@@ -109,10 +108,9 @@ def spans(
     def smooth(key: Key) -> Future[Float32]:
         if make_map is None:
             return no_map
-        index = key.placed.analysed.index
-        if index not in smoothed:
-            smoothed[index] = pool.submit(smooth_map, tuple(shot), shot.index(key), smooth_keys)
-        return smoothed[index]
+        if key.index not in smoothed:
+            smoothed[key.index] = pool.submit(smooth_map, tuple(shot), shot.index(key), smooth_keys)
+        return smoothed[key.index]
 
     def ready(count_ahead: int) -> Iterator[Span]:
         # A span is complete once smooth_keys keyframes follow its right one, or the shot ends.
@@ -121,7 +119,7 @@ def spans(
             if is_wanted([item.analysed for item in frames]):
                 yield _span(left, smooth(left), frames, right, smooth(right))
             waiting.pop(0)
-            smoothed.pop(left.placed.analysed.index, None)
+            smoothed.pop(left.index, None)
             while shot.index(left) > smooth_keys:
                 shot.pop(0)
 
@@ -129,7 +127,8 @@ def spans(
         if item.analysed.index < first_needed:
             continue
         if item.is_key:
-            key = Key(item, pool.submit(make_map, item.analysed) if make_map else no_map)
+            raw_map = pool.submit(make_map, item.analysed) if make_map else no_map
+            key = Key(item.analysed.index, item.analysed.motion, raw_map)
             if shot and smooth_keys:
                 key.to_previous = pool.submit(find_flow, key.picture, shot[-1].picture)
                 shot[-1].to_next = pool.submit(find_flow, shot[-1].picture, key.picture)
@@ -140,10 +139,11 @@ def spans(
             waiting[-1][1].append(item)
         if item.ends_shot:
             yield from ready(0)
-            for left, frames in waiting:
+            while waiting:
+                left, frames = waiting.pop(0)
                 if is_wanted([item.analysed for item in frames]):
                     yield _span(left, smooth(left), frames, None, None)
-            waiting.clear()
+                del frames  # pixels are not kept while later frames are decoded
             shot.clear()
             smoothed.clear()
 
@@ -156,9 +156,9 @@ def _span(
     right_map: Future[Float32] | None,
 ) -> Span:
     return Span(
-        left.placed.analysed.index,
+        left.index,
         (left.picture, left_map),
-        right.placed.analysed.index if right else None,
+        right.index if right else None,
         (right.picture, right_map) if right is not None and right_map is not None else None,
         tuple(item.analysed for item in frames),
         frozenset(item.analysed.index for item in frames if item.is_flash),

@@ -1,9 +1,8 @@
-"""Renders spans of frames in a bounded pool of threads: decoded in order, rendered in parallel."""
+"""Renders the frames of spans in a bounded pool: decoded in order, rendered in parallel."""
 
 from __future__ import annotations
 
 import os
-import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import (
     FIRST_COMPLETED,
@@ -14,7 +13,7 @@ from concurrent.futures import (
     wait,
 )
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 from itmo_video import reused_memory
@@ -110,15 +109,18 @@ def planned_runs(
 def frames_in_flight(look: Look, jobs: int) -> int:
     """Upper bound of the decoded frames held at a time, for any clip.
 
-    `jobs` spans are being rendered; behind them wait the next one and those whose keyframes its
-    smoothing looks ahead to, then a last keyframe and the window for detecting cuts and flashes.
-    Smoothing also keeps earlier keyframes. A flash makes one span longer and the next one as much
-    shorter, but workers may be left with long ones only.
+    Some wait for a worker (`_most_pending`); behind them wait the next span and those whose
+    keyframes its smoothing looks ahead to, then a last keyframe and the window for detecting cuts
+    and flashes. A flash makes one span longer and the next one as much shorter.
     """
-    smooth, ahead = look.settings.smooth_reach, CUT_REACH + 2
-    spans = jobs + 1 + smooth
-    longer = jobs * CUT_REACH
-    return spans * look.settings.key_reach + longer + smooth + 1 + ahead + 1
+    spans = 1 + look.settings.smooth_reach
+    waiting = spans * look.settings.key_reach + CUT_REACH + 1
+    return _most_pending(look, jobs) + waiting + CUT_REACH + 3
+
+
+def _most_pending(look: Look, jobs: int) -> int:
+    """The frames that are rendered or wait for a worker: enough while a span is decoded."""
+    return jobs + look.settings.key_reach
 
 
 def memory_bound_bytes(width: int, height: int, bytes_per_code: int, look: Look, jobs: int) -> int:
@@ -138,7 +140,7 @@ def spans_of(
     clip: Frames,
     run: Run,
     look: Look,
-    on_end: Callable[[Exception], None],
+    on_end: Callable[[DamagedInputError], None],
     pool: Executor,
     analyse: Analyse = analyse_frame,
     make_map: MakeMap = make_key_map,
@@ -175,25 +177,20 @@ def spans_of(
     )
     with suppress(ReplacedInputError):  # reported by on_end
         for span in spans:
+            is_last = span.frames[-1].index >= run.last
             yield span
-            if span.frames[-1].index >= run.last:
+            del span  # its pixels are not kept while later frames are decoded
+            if is_last:
                 return
 
 
-def render_span(
-    span: Span,
-    wanted: frozenset[int] | range,
-    look: Look,
-    sink: Sink,
-    stop: threading.Event,
-    look_at: LookAt | None = None,
-) -> None:
-    """Render the wanted frames of a span and pass each to the sink; see render_frames."""
-    for analysed in span.frames:
-        if analysed.index in wanted and not stop.is_set():
-            map_small = map_between(span, analysed, look) if look.needs_map else None
-            own = look_at(analysed.index) if look_at else look
-            sink(analysed.frame, render(analysed.frame, map_small, own, analysed.guide))
+def render_from(
+    span: Span, analysed: Analysed, look: Look, look_at: LookAt | None = None
+) -> Rendered:
+    """Render one frame of a span, which need not contain its `frames`; see render_frames."""
+    map_small = map_between(span, analysed, look) if look.needs_map else None
+    own = look_at(analysed.index) if look_at else look
+    return render(analysed.frame, map_small, own, analysed.guide)
 
 
 def map_between(
@@ -235,36 +232,37 @@ def render_frames(
 
     `look_at` gives each index its look: a frame is identical to that of a clip converted with this
     look alone, so a shot's settings do not affect the frames around it. `on_planned` receives, in
-    presentation order, the indices of each span before it is started, so that callers can restore
+    presentation order, the indices of each span before any is started, so that callers can restore
     the order. `on_stop` is called when a worker or the decoder has failed, before the workers still
-    running are waited for. Memory is bounded by jobs and the span's length, not the clip's. Returns
-    what cut the source short; raises what a worker or the decoder raised, after running spans end.
+    running are waited for. Memory is bounded by `frames_in_flight`, not the clip's length. Returns
+    what cut the source short; raises what a worker or the decoder raised, after frames being
+    rendered are finished.
     """
     ended: list[DamagedInputError] = []
-    stop = threading.Event()
     pending: set[Future[None]] = set()
 
-    def on_end(error: Exception) -> None:
-        assert isinstance(error, DamagedInputError)
-        ended.append(error)
+    def render_one(span: Span, analysed: Analysed, look: Look) -> None:
+        sink(analysed.frame, render_from(span, analysed, look, look_at))
 
-    pool = ThreadPoolExecutor(jobs, thread_name_prefix="span")
+    pool = ThreadPoolExecutor(jobs, thread_name_prefix="frame")
     try:
         runs = [(whole_run(wanted), look)] if clip.reads_once else None
         for run, own in runs or planned_runs(wanted, look, look_at):
-            for span in spans_of(clip, run, own, on_end, pool):
-                # The next span is ready by now, so no worker waits for more than this loop.
-                while len(pending) >= jobs:
-                    finished, pending = wait(pending, return_when=FIRST_COMPLETED)
-                    for future in finished:
-                        future.result()
-                on_planned([a.index for a in span.frames if a.index in run.wanted])
-                pending.add(pool.submit(render_span, span, run.wanted, own, sink, stop, look_at))
+            for span in spans_of(clip, run, own, ended.append, pool):
+                selected = [a for a in span.frames if a.index in run.wanted]
+                on_planned([a.index for a in selected])
+                maps = replace(span, frames=())
+                del span
+                while selected:
+                    while len(pending) >= _most_pending(own, jobs):
+                        finished, pending = wait(pending, return_when=FIRST_COMPLETED)
+                        for future in finished:
+                            future.result()
+                    pending.add(pool.submit(render_one, maps, selected.pop(0), own))
         # A sink may make others wait for a frame that will not come: the first failure counts.
         for future in wait(pending, return_when=FIRST_EXCEPTION).done:
             future.result()
     except BaseException:
-        stop.set()
         on_stop()
         raise
     finally:

@@ -6,7 +6,7 @@ import sys
 from collections import deque
 from collections.abc import Generator
 from concurrent.futures import ThreadPoolExecutor
-from threading import Event, Lock
+from threading import Lock
 from typing import Any, cast
 
 import numpy as np
@@ -14,11 +14,9 @@ import vapoursynth as vs
 
 from itmo_video.conversion.run_options import RunOptions
 from itmo_video.look import Look, make_look
-from itmo_video.model import Frame
 from itmo_video.motion.keyframes import Span
 from itmo_video.presets import make_settings
 from itmo_video.rendering import spans
-from itmo_video.rendering.frame import Rendered
 from itmo_video.rendering.opencv_threads import single_opencv_thread
 from itmo_video.vapoursynth.node_frames import NodeFrames
 
@@ -72,16 +70,11 @@ class _Expander:
 
     def frame(self, index: int) -> tuple[Any, Any, Any]:
         """R, G and B (H, W), float16."""
-        made: list[Rendered] = []
-
-        def sink(frame: Frame, done: Rendered) -> None:
-            made.append(done)
-
         with single_opencv_thread():
             with self._lock:
                 span = self._span_of(index)
-            spans.render_span(span, frozenset({index}), self._look, sink, Event())
-        return made[0].rgb
+            (analysed,) = (a for a in span.frames if a.index == index)
+            return spans.render_from(span, analysed, self._look).rgb
 
     def _span_of(self, index: int) -> Span:
         for span in self._held:
