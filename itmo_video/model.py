@@ -25,6 +25,10 @@ ChromaSiting = Literal[
 ]
 Origin = Literal["tag", "assumed", "set"]
 
+# Frame rates of what states none: of a stream FFmpeg's own, by which it stamps frames.
+ASSUMED_STREAM_RATE = Fraction(25)
+ASSUMED_SEQUENCE_RATE = Fraction(24)  # of images in a folder, converted ones among them
+
 
 @dataclass(frozen=True)
 class Encoding:

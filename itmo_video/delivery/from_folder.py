@@ -59,5 +59,5 @@ def from_folder(folder: Converted, clip: Path | None, run: RunOptions) -> Pictur
     return Pictures(
         folder.size, folder.frame_rate, folder.pixel_aspect, folder.white_nits, folder.peak_nits,
         folder.first_image.primaries, numbers, clip, mapped,
-        notices=folder.notices if run.frames is None else (),
+        notices=(*(folder.notices if run.frames is None else ()), *folder.rate_notices),
     )  # fmt: skip

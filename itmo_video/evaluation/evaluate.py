@@ -107,7 +107,7 @@ def _fidelity(
     rows = agreement.compare_sequences(
         test, reference, options.source, display, on_event, options.part
     )
-    found = films.films(test, reference, options.source, display, options.part)
+    found = films.films(test, reference, options.source, display, options.part, on_event)
     if options.vdp:
         for name, film in found.items():
             rows[name].figures["jod"] = vdp.jod(film, display)

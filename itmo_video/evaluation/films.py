@@ -16,7 +16,9 @@ from itmo_video.evaluation.folders import (
     pair,
 )
 from itmo_video.evaluation.vdp import Film, Pictures, on_display
-from itmo_video.model import Float32
+from itmo_video.events import OnEvent, Warned, ignore
+from itmo_video.model import ASSUMED_SEQUENCE_RATE, Float32
+from itmo_video.output.converted import RATE_ASSUMED
 from itmo_video.source.opening import Clip, frames_at
 
 
@@ -26,18 +28,23 @@ def films(
     source: Path | None,
     display: Display,
     part: str | None = None,
+    on_event: OnEvent = ignore,
 ) -> dict[str, Film]:
     """A folder with its truth by row: TEST, and SDR if the clip is given.
 
     Frames are matched as by `compare_sequences`. If frames are left out evenly, the rate is that
-    of the remaining ones. Raises InputError if folders or clip do not match.
+    of the remaining ones. `on_event` receives Warned if the rate is assumed. Raises InputError if
+    folders or clip do not match.
     """
     sequence = open_sequence(test)
     pairs = pair(sequence, open_sequence(reference), part)
     clip = None if source is None else open_source(source, sequence)
     height, width = pairs[0].true_rgb().shape[:2]
     steps = [b.index - a.index for a, b in pairwise(pairs)]
-    rate = Fraction(frame_rate(sequence, clip), min(steps, default=1))
+    stated = frame_rate(sequence, clip)
+    if stated is None:
+        on_event(Warned(RATE_ASSUMED))
+    rate = Fraction(stated or ASSUMED_SEQUENCE_RATE, min(steps, default=1))
 
     def converted() -> Pictures:
         for item in pairs:

@@ -10,7 +10,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -182,13 +181,10 @@ def read_rgb(path: Path, part: str | None = None) -> Float32:
     return exr_rgb(read_exr(path, part), path)
 
 
-def frame_rate(test: ExrSequence, clip: Clip | None) -> Fraction:
-    """Frames per second: the files' own, or the clip's, or 24."""
-    first = test.read(next(iter(test.files)))
-    stated: Any = first.attributes.get("framesPerSecond")
-    if stated:
-        return Fraction(stated)
-    return clip.info.frame_rate if clip is not None else Fraction(24)
+def frame_rate(test: ExrSequence, clip: Clip | None) -> Fraction | None:
+    """Frames per second: the files' own, or the clip's, or None."""
+    stated = test.read(next(iter(test.files))).frame_rate
+    return stated or (clip.info.frame_rate if clip is not None else None)
 
 
 def _to_bt709(rgb: Float32, primaries: str) -> Float32:

@@ -53,4 +53,4 @@ def _step_s(embedded: Sequence[embed.Embedded], pictures: Pictures) -> float:
     if len(embedded) < 2:
         return 1.0
     frames = (embedded[-1].index - embedded[0].index) / (len(embedded) - 1)
-    return frames / float(pictures.frame_rate or 25)
+    return frames / float(pictures.frame_rate)

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from itmo_video.errors import InputError, OutputError, UsageError
-from itmo_video.model import Half
+from itmo_video.model import ASSUMED_SEQUENCE_RATE, Half
 from itmo_video.output.exr import ExrImage, read_exr
 from itmo_video.output.fingerprint import fingerprints_told
 from itmo_video.output.folder import OutputFolder
@@ -25,6 +25,8 @@ from itmo_video.output.settings_changes import frames_changes
 from itmo_video.settings import Settings, settings_from
 from itmo_video.source.opening import Clip, input_options, open_clip
 from itmo_video.words import frames_are
+
+RATE_ASSUMED = f"the EXR files state no frame rate: assumed {ASSUMED_SEQUENCE_RATE} fps"
 
 
 @dataclass(frozen=True)
@@ -171,9 +173,13 @@ class Converted:
 
     @property
     def frame_rate(self) -> Fraction:
-        """The frame rate; 25 if the files do not state it."""
-        stated = Fraction(self.first_image.attributes.get("framesPerSecond") or 25)
-        return stated if 0 < stated <= 1000 else Fraction(25)
+        """The frame rate, assumed if the files do not state it."""
+        return self.first_image.frame_rate or ASSUMED_SEQUENCE_RATE
+
+    @property
+    def rate_notices(self) -> tuple[str, ...]:
+        """A notice if the frame rate is assumed."""
+        return () if self.first_image.frame_rate else (RATE_ASSUMED,)
 
     @property
     def pixel_aspect(self) -> Fraction:

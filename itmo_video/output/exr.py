@@ -91,6 +91,12 @@ class ExrImage:
         return "rec709" if stated is None else nearest_primaries(stated)
 
     @property
+    def frame_rate(self) -> Fraction | None:
+        """The stated frame rate, None if there is no usable one."""
+        stated = self.attributes.get("framesPerSecond")
+        return stated if isinstance(stated, Fraction) and 0 < stated <= 1000 else None
+
+    @property
     def fingerprint(self) -> str | None:
         """The fingerprint that the frame was written with; None in other programs' files."""
         value = self.attributes.get("itmoFingerprint")

@@ -5,11 +5,14 @@ A test checks the names against a written frame.
 
 from __future__ import annotations
 
+from itmo_video.model import ASSUMED_SEQUENCE_RATE, ASSUMED_STREAM_RATE
+
 ATTRIBUTES = {
     "chromaticities": "x and y of red, green, blue and white of the output primaries",
     "whiteLuminance": "luminance of 1.0 in nits (`--white-nits`, 203 unless set)",
     "colorInteropID": "colour space by the Color Interop Forum's name, such as lin_rec709_scene",
-    "framesPerSecond": "frame rate as a fraction; the mean of a variable rate; absent for stills",
+    "framesPerSecond": "frame rate as a fraction; the mean of a variable rate; of sources without "
+    f"one {ASSUMED_SEQUENCE_RATE} (images) or {ASSUMED_STREAM_RATE} (streams)",
     "timeCode": "SMPTE timecode, if the source has one or `--timecode` sets it",
     "pixelAspectRatio": "width of a pixel over its height",
     "acesImageContainerFlag": "1 in SMPTE ST 2065-4 files: `--primaries aces2065-1 "

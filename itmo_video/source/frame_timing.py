@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from fractions import Fraction
 from typing import Any
@@ -10,13 +11,36 @@ import numpy as np
 import numpy.typing as npt
 
 from itmo_video import words
+from itmo_video.model import ASSUMED_STREAM_RATE
+from itmo_video.source.chroma_siting import Y4M
 from itmo_video.source.packets import Packets, packet_step
 from itmo_video.words import counted
 
+# Streams without a container, whose frames FFmpeg counts at 25 a second whatever they state.
+_UNTIMED = (
+    "h264", "hevc", "vvc", "evc", "obu", "av1", "m4v", "mpegvideo", "vc1", "h263", "h261", "dirac",
+    "cavsvideo", "mjpeg", "mpjpeg", "mjpeg_2000", "ingenient",
+)  # fmt: skip
+_Y4M_RATE = re.compile(rb"YUV4MPEG2[^\n]* F0*[1-9]\d*:0*[1-9]")
 
-def timing(stream: Any, packets: Packets, time_base: Fraction) -> tuple[Fraction, Fraction, bool]:
+
+def stated_rate(stream: Any, head: bytes = b"") -> Fraction | None:
+    """The frame rate that an open stream states, None if none; `head` is a Y4M's first line."""
+    name = str(stream.container.format.name)
+    if name in _UNTIMED:
+        rate = stream.codec_context.framerate
+    elif name == Y4M and _Y4M_RATE.match(head) is None:
+        rate = None
+    else:
+        rate = stream.average_rate or stream.guessed_rate
+    return Fraction(rate) if rate else None
+
+
+def timing(
+    stream: Any, stated: Fraction | None, packets: Packets, time_base: Fraction
+) -> tuple[Fraction, Fraction, bool]:
     """The frame rate, the length in seconds, and whether the rate varies."""
-    rate = Fraction(stream.average_rate or stream.guessed_rate or 25)
+    rate = stated or ASSUMED_STREAM_RATE
     count = len(packets.pts)
     step = packet_step(packets.pts) if packets.is_exact else None
     if step is None:
@@ -31,8 +55,8 @@ def timing(stream: Any, packets: Packets, time_base: Fraction) -> tuple[Fraction
     if steps.size == 0:
         return rate, length, False
     if int(np.ptp(steps)) <= max(1, step // 50):
-        stated = (rate, stream.base_rate, stream.guessed_rate)
-        return _constant([Fraction(one) for one in stated if one], steps, time_base), length, False
+        rates = (rate, stream.base_rate, stream.guessed_rate)
+        return _constant([Fraction(one) for one in rates if one], steps, time_base), length, False
     rounded = _rounded_to_ms((stream.base_rate, stream.guessed_rate), whole, time_base)
     if rounded is not None:
         return rounded, length, False
@@ -82,9 +106,17 @@ def _pulled_down(steps: npt.NDArray[Any], time_base: Fraction) -> Fraction | Non
     return min(known, key=lambda one: abs(one - rate)) if rate < 26 else rate
 
 
-def timing_notices(packets: Packets, rate: Fraction, is_vfr: bool) -> list[str]:
-    """Notices about a variable rate and about a truncated file."""
+def timing_notices(
+    stream: Any, stated: Fraction | None, packets: Packets, rate: Fraction, is_vfr: bool
+) -> list[str]:
+    """Notices about an assumed rate, a variable rate and a truncated file."""
     told = []
+    is_timed = str(stream.container.format.name) not in (*_UNTIMED, Y4M)
+    if stated is None and not (is_timed and packets.is_exact and len(packets.pts) > 1):
+        told.append(
+            f"no frame rate is stated: assumed {rate} fps (if it is another, state it: "
+            "ffmpeg -r RATE -i IN -c copy OUT.mkv)"
+        )
     if is_vfr:
         told.append(
             "variable frame rate: each frame keeps its own time; framesPerSecond is the mean, "

@@ -18,7 +18,9 @@ import av
 
 from itmo_video.errors import InputError, UsageError
 from itmo_video.memory_limit import check_memory
+from itmo_video.model import ASSUMED_STREAM_RATE
 from itmo_video.source.decoding import Decoder, Numbered, Way, decode_all, decoder_of
+from itmo_video.source.frame_timing import stated_rate
 from itmo_video.source.packets import (
     CONTAINERS,
     TAG_ERRORS,
@@ -131,6 +133,7 @@ class PipeClip(VideoClip):
         """Frames in presentation order; an index is the number of packets shown before it."""
         stream, base = self._stream, Fraction(self._stream.time_base or 1)
         stamps = _Stamps(self._container, stream)
+        rate = stated_rate(stream, self._input.head) or ASSUMED_STREAM_RATE
         index = 0
         for frame in decode_all(decoder_of(stream, max_pixels), self._packets(stamps)):
             if stamps.is_before_first_key(frame.pts):
@@ -138,7 +141,6 @@ class PipeClip(VideoClip):
             lost = stamps.passed(frame.pts)
             self.lost.extend(range(index, index + lost))
             index += lost
-            rate = Fraction(stream.average_rate or stream.guessed_rate or 25)
             self._times[index] = Fraction(index) / rate if frame.pts is None else frame.pts * base
             yield index, frame, bool(frame.is_corrupt)
             index += 1

@@ -9,7 +9,7 @@ from fractions import Fraction
 from pathlib import Path
 
 from itmo_video.errors import DamagedInputError, InputError
-from itmo_video.model import ClipInfo, Frame
+from itmo_video.model import ASSUMED_SEQUENCE_RATE, ClipInfo, Frame
 from itmo_video.source import still_colour
 from itmo_video.source.clip import Clip
 from itmo_video.source.digest import SourceFiles
@@ -21,7 +21,6 @@ from itmo_video.source.tags import InputOptions
 from itmo_video.words import missing
 
 _LONGEST = 10_000_000  # frames of a sequence, including gaps: 100 hours
-STILL_RATE = Fraction(24)  # assumed, as images have no frame rate
 NUMBER_PATTERN = re.compile(r"%0?(\d*)d|#+")
 
 
@@ -42,7 +41,7 @@ class StillClip(Clip):
         self.faults = self._faults = dict[int, str]()
         self._source = SourceFiles(self._files.values(), PICTURE_BYTES)
         self._first = min(files)
-        self._rate = Fraction(options.fps or STILL_RATE)
+        self._rate = Fraction(options.fps or ASSUMED_SEQUENCE_RATE)
         self._is_single = list(files.values()) == [path]
         found = next(filter(None, (self._read(n, file) for n, file in self._files.items())), None)
         if found is None:
@@ -65,7 +64,7 @@ class StillClip(Clip):
                 f"rotated for display: {'mirrored, then ' * turn[1]}{turn[0]} degrees clockwise"
             )
         if not self._is_single and options.fps is None:
-            notices.append(f"images have no frame rate: assumed {STILL_RATE} (set it with --fps)")
+            notices.append(f"images have no frame rate: assumed {self._rate} (set it with --fps)")
         if len(files) < count:
             gaps = sorted(set(range(self._first, self._first + count)) - set(self._files))
             named = ", ".join(map(str, gaps[:8])) + ", ..." * (len(gaps) > 8)

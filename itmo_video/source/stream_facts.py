@@ -21,7 +21,7 @@ from itmo_video.source.decoding import Decoder, Numbered
 from itmo_video.source.deinterlace import can_deinterlace
 from itmo_video.source.digest import SourceFiles
 from itmo_video.source.files import check_pixels
-from itmo_video.source.frame_timing import packet_notices, timing, timing_notices
+from itmo_video.source.frame_timing import packet_notices, stated_rate, timing, timing_notices
 from itmo_video.source.packets import Packets, open_video, scan_packets
 from itmo_video.source.planes import Turn, is_420, picture_of, pixel_form, upright
 from itmo_video.source.streams import choose_video, codec_tag
@@ -155,8 +155,9 @@ def facts_at(
         notices += mixture([bool(frame.interlaced_frame) for frame in sample])
     notices += packet_notices(decoder.packets)
     time_base, form = Fraction(stream.time_base or 1), pixel_form(first)
-    rate, length, is_vfr = timing(stream, decoder.packets, time_base)
-    notices += timing_notices(decoder.packets, rate, is_vfr)
+    stated = stated_rate(stream, head)
+    rate, length, is_vfr = timing(stream, stated, decoder.packets, time_base)
+    notices += timing_notices(stream, stated, decoder.packets, rate, is_vfr)
     if turn != (0, False):
         mirrored = "mirrored, then " if turn[1] else ""
         notices.append(f"rotated for display: {mirrored}{turn[0]} degrees clockwise")

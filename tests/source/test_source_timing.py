@@ -53,7 +53,7 @@ def test_stamps_in_milliseconds_leave_a_stated_rate() -> None:
     for count in (2, 3, 30):
         stamps = tuple(round(1000 * n / 30) for n in range(count))
         packets = Packets(stamps, {}, (), is_exact=True)
-        assert timing(Stream(), packets, Fraction(1, 1000))[0] == 30
+        assert timing(Stream(), Fraction(30), packets, Fraction(1, 1000))[0] == 30
 
 
 def test_the_last_frame_of_a_varying_rate_has_its_own_time(tmp_path: Path) -> None:
