@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import ctypes
 import functools
-from collections.abc import Iterator
 from typing import TypeAlias, cast
 
 import cv2
@@ -31,8 +30,6 @@ from itmo_video.model import Code, Float32, Frame, Matrix, Range, Transfer
 
 Planes: TypeAlias = tuple[Float32, Float32, Float32]
 
-STRIP_ROWS = 40  # the buffers of such a strip of 1080p stay in a core's second-level cache
-
 # Padding widths to this avoids the scalar tail of cv2 calls, whose rounding may differ from that
 # of the vector loop and would make a row depend on its strip.
 _LANES = 128
@@ -48,10 +45,11 @@ def to_rgb_linear(frame: Frame, *, clip: bool) -> Planes:
     Three float32 planes of the frame's height and width. With `clip` codes are clipped to [0, 1]
     first; without it over-white stays above 1 and negative codes give negative light.
     """
-    planes = _empty_planes(frame)
-    for rows, out in _strips(frame, planes):
-        strip_to_rgb_linear(frame, rows, clip, out)
-    return planes
+    width, height = frame.size
+    red, green, blue = strip_buffers(slice(0, height), width)
+    for rows in strips(height):
+        strip_to_rgb_linear(frame, rows, clip, (red[rows], green[rows], blue[rows]))
+    return red, green, blue
 
 
 def strip_to_rgb_linear(frame: Frame, rows: slice, clip: bool, out: Planes) -> None:
@@ -118,7 +116,7 @@ def _compiled_to_linear(
 @with_compiled_form(_compiled_to_linear)
 def _ycbcr_to_linear(frame: Frame, rows: slice, clip: bool, out: Planes) -> None:
     width = frame.size[0]
-    buffers = out if width % _LANES == 0 else _buffers(out[0].shape[0], _padded_width(width))
+    buffers = out if width % _LANES == 0 else strip_buffers(rows, _padded_width(width))
     _ycbcr_strip(frame, rows, buffers)
     for buffer, target in zip(buffers, out, strict=True):
         _eotf_in_place(buffer, frame.encoding.transfer, clip)
@@ -246,25 +244,8 @@ def _colour_planes(frame: Frame) -> tuple[Code, Code, Code]:
     return frame.planes[0], frame.planes[1], frame.planes[2]
 
 
-def _empty_planes(frame: Frame) -> Planes:
-    shape = frame.planes[0].shape
-    return np.empty(shape, np.float32), np.empty(shape, np.float32), np.empty(shape, np.float32)
-
-
-def _strips(frame: Frame, planes: Planes) -> Iterator[tuple[slice, Planes]]:
-    height = frame.size[1]
-    for top in range(0, height, STRIP_ROWS):
-        rows = slice(top, min(top + STRIP_ROWS, height))
-        yield rows, (planes[0][rows], planes[1][rows], planes[2][rows])
-
-
 def _padded_width(width: int) -> int:
     return -(-width // _LANES) * _LANES
-
-
-def _buffers(rows: int, width: int) -> Planes:
-    shape = (rows, width)
-    return np.empty(shape, np.float32), np.empty(shape, np.float32), np.empty(shape, np.float32)
 
 
 def _pad(codes: Code, width: int, above: int = 0, below: int = 0) -> Code:
