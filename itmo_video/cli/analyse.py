@@ -76,7 +76,8 @@ def _analyse(args: argparse.Namespace) -> int:
 
 def _metadata(args: argparse.Namespace, run: RunOptions) -> int:
     from itmo_video.delivery.dynamic_metadata import as_text, dolby_vision, hdr10plus
-    from itmo_video.delivery.light_levels import encoder_options, film_light_levels, mastering
+    from itmo_video.delivery.light_levels import encoder_options, film_light_levels
+    from itmo_video.delivery.metadata import mastering
     from itmo_video.delivery.shot_light import film_light_by_shots
 
     if args.output is not None:

@@ -7,7 +7,6 @@ from fractions import Fraction
 from pathlib import Path
 from typing import Literal
 
-from itmo_video.colour import primaries
 from itmo_video.delivery import metadata
 from itmo_video.delivery.ycbcr import Chroma
 from itmo_video.errors import UsageError
@@ -58,8 +57,8 @@ class FilmSpec:
 
     @property
     def mastering(self) -> metadata.Mastering:
-        """The mastering display: P3, as is usual for HDR10, with the stated peak."""
-        return metadata.Mastering(primaries.CHROMATICITIES["p3d65"], self.peak_nits)
+        """The mastering display, with the stated peak."""
+        return metadata.mastering(self.peak_nits)
 
 
 def default_chroma(codec: Codec) -> Chroma:

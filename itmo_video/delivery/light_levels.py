@@ -5,13 +5,12 @@ from __future__ import annotations
 import shlex
 from pathlib import Path
 
-from itmo_video.colour.primaries import CHROMATICITIES
 from itmo_video.conversion.run_options import RunOptions
 from itmo_video.delivery import hdr
 from itmo_video.delivery.from_clip import from_clip
 from itmo_video.delivery.from_folder import from_folder
 from itmo_video.delivery.hdr import Light
-from itmo_video.delivery.metadata import Mastering
+from itmo_video.delivery.metadata import mastering
 from itmo_video.delivery.pictures import Picture, Pictures
 from itmo_video.errors import DamagedInputError
 from itmo_video.events import FrameDone, OnEvent, Started, Warned, ignore
@@ -57,11 +56,6 @@ def pictures_of(source: Path, settings: Settings | None, run: RunOptions) -> Pic
     if source.is_dir():
         return from_folder(open_converted(source), None, run)
     return from_clip(source, settings or make_settings(), run)
-
-
-def mastering(peak_nits: float) -> Mastering:
-    """The stated mastering display: P3-D65 with this peak."""
-    return Mastering(CHROMATICITIES["p3d65"], peak_nits)
 
 
 def encoder_options(light: Light, peak_nits: float) -> str:

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO
 
+from itmo_video.colour.primaries import CHROMATICITIES
 from itmo_video.delivery.hdr import Light
 
 # 42405 nits, average 58025: no real film has these, and they have no zero bytes to be escaped.
@@ -60,6 +61,11 @@ class Mastering:
         """The payload of PNG's mDCV chunk (PNG 3rd edition, 11.3.2.7): red, green, blue, white."""
         xy = (round(v * 50000) for v in self.chromaticities)
         return struct.pack(">8H2I", *xy, in_32_bits(self.peak_nits), in_32_bits(self.black_nits))
+
+
+def mastering(peak_nits: float) -> Mastering:
+    """The mastering display to state: P3-D65, as is usual for HDR10, with this peak."""
+    return Mastering(CHROMATICITIES["p3d65"], peak_nits)
 
 
 def in_32_bits(nits: float) -> int:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from itmo_video.colour.primaries import CHROMATICITIES
 from itmo_video.delivery import hdr, sdr, stills
 from itmo_video.delivery.avif_properties import with_light
 from itmo_video.delivery.eetf import to_display
@@ -12,7 +11,7 @@ from itmo_video.delivery.encoders import encode_avif
 from itmo_video.delivery.films import OVER_BLACK, crf_of
 from itmo_video.delivery.gain_map import gain_map_jpeg
 from itmo_video.delivery.hdr import Light
-from itmo_video.delivery.metadata import Mastering
+from itmo_video.delivery.metadata import mastering
 from itmo_video.delivery.pictures import Picture, Pictures
 from itmo_video.delivery.preview_options import PreviewOptions
 from itmo_video.delivery.views import light_of, sdr_view, shown_peak, signal_of
@@ -77,7 +76,7 @@ def _hdr_still(
     rgb, primaries, white = light_of(picture, pictures, options)
     signal, peak = signal_of(options), shown_peak(pictures, options)
     curve: Curve = "hlg" if signal == "hlg" else "pq"
-    stated = Mastering(CHROMATICITIES["p3d65"], peak)
+    stated = mastering(peak)
     if suffix == ".avif":
         planes, light = hdr.master_frame(
             rgb, primaries, white, pictures.peak_nits, curve, "420", picture.index,

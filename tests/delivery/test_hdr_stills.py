@@ -28,7 +28,7 @@ from itmo_video.colour.primaries import rgb_to_rgb_matrix
 from itmo_video.delivery import hdr
 from itmo_video.delivery.avif_properties import with_light
 from itmo_video.delivery.encoders import encode_avif
-from itmo_video.delivery.light_levels import mastering
+from itmo_video.delivery.metadata import mastering
 from itmo_video.errors import OutputError
 from itmo_video.output.exr import read_exr
 
