@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TypeAlias
 
 import numpy as np
 
@@ -19,7 +20,8 @@ LUMINANCE_WEIGHTS_BANTERLE2006 = (0.213, 0.715, 0.072)  # the paper's eq. 1: for
 
 _D65 = (0.3127, 0.3290)
 _ACES_WHITE = (0.32168, 0.33767)
-CHROMATICITIES: dict[str, tuple[float, ...]] = {
+Chromaticities: TypeAlias = tuple[float, float, float, float, float, float, float, float]
+CHROMATICITIES: dict[str, Chromaticities] = {
     "rec709": (0.64, 0.33, 0.30, 0.60, 0.15, 0.06, *_D65),
     "rec601_525": (0.630, 0.340, 0.310, 0.595, 0.155, 0.070, *_D65),
     "rec601_625": (0.64, 0.33, 0.29, 0.60, 0.15, 0.06, *_D65),
@@ -39,6 +41,14 @@ INTEROP_IDS: dict[str, str] = {
     "aces2065-1": "lin_ap0_scene",
 }
 """The Color Interop Forum's name of linear light in these primaries (ASWF, 2025)."""
+
+OCIO_NAMES: dict[str, str] = {
+    "rec709": "Linear Rec.709 (sRGB)",
+    "rec2020": "Linear Rec.2020",
+    "acescg": "ACEScg",
+    "aces2065-1": "ACES2065-1",
+}
+"""The names of linear light in OpenColorIO's ACES configs; interop IDs are aliases."""
 
 _BRADFORD = np.array(
     [[0.8951, 0.2664, -0.1614], [-0.7502, 1.7135, 0.0367], [0.0389, -0.0685, 1.0296]]

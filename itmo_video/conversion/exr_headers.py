@@ -17,13 +17,9 @@ def exr_header(plan: Plan, number: int, frame: Frame) -> exr.ExrHeader:
     """The header of one frame's file; `frame` is the source's."""
     look, info = plan.look_at(plan.numbers[number]), plan.clip
     settings = look.settings
-    chromaticities = CHROMATICITIES[settings.primaries]
     return exr.ExrHeader(
         compression=settings.compression,
-        chromaticities=(
-            chromaticities[0], chromaticities[1], chromaticities[2], chromaticities[3],
-            chromaticities[4], chromaticities[5], chromaticities[6], chromaticities[7],
-        ),
+        chromaticities=CHROMATICITIES[settings.primaries],
         white_nits=settings.white_nits,
         frame_rate=info.frame_rate,
         pixel_aspect=info.pixel_aspect,
@@ -40,7 +36,7 @@ def exr_header(plan: Plan, number: int, frame: Frame) -> exr.ExrHeader:
         and settings.compression == "none"
         and not settings.layers,
         is_source_damaged=frame.is_damaged,
-    )  # fmt: skip
+    )
 
 
 def frame_timecode(settings: Settings, info: ClipInfo, index: int, number: int) -> str | None:

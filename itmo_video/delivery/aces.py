@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from itmo_video.colour.primaries import OCIO_NAMES
 from itmo_video.colour.transfer import pq_nits
 from itmo_video.delivery.sdr import Picture
 from itmo_video.errors import UsageError
@@ -23,12 +24,6 @@ CONFIG = "ocio://studio-config-v4.0.0_aces-v2.0_ocio-v2.5"
 HDR_PEAKS = (500, 1000, 2000, 4000)
 TABLE_SIZE, TABLE_LOWEST, TABLE_HIGHEST = 33, -7, 8
 _SDR = ("Rec.1886 Rec.709 - Display", "ACES 2.0 - SDR 100 nits (Rec.709)")
-_SOURCES = {
-    "rec709": "Linear Rec.709 (sRGB)",
-    "rec2020": "Linear Rec.2020",
-    "acescg": "ACEScg",
-    "aces2065-1": "ACES2065-1",
-}
 Planes = Sequence[Half | Float32]
 
 
@@ -89,7 +84,7 @@ def _processor(primaries: str, display: str, view: str) -> Any:
     try:
         config = PyOpenColorIO.Config.CreateFromFile(CONFIG)
         forward = PyOpenColorIO.TRANSFORM_DIR_FORWARD
-        processor = config.getProcessor(_SOURCES[primaries], display, view, forward)
+        processor = config.getProcessor(OCIO_NAMES[primaries], display, view, forward)
         return processor.getDefaultCPUProcessor()
     except PyOpenColorIO.Exception as error:
         raise UsageError(

@@ -10,19 +10,11 @@ from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
 
-from itmo_video.colour.primaries import INTEROP_IDS
+from itmo_video.colour.primaries import INTEROP_IDS, OCIO_NAMES
 from itmo_video.errors import OutputError, UsageError
 from itmo_video.output.atomic import write_whole
 from itmo_video.output.converted import open_converted
 from itmo_video.output.folder import OutputFolder
-
-OCIO_NAMES: dict[str, str] = {
-    "rec709": "Linear Rec.709 (sRGB)",
-    "rec2020": "Linear Rec.2020",
-    "acescg": "ACEScg",
-    "aces2065-1": "ACES2065-1",
-}
-"""The names of our linear light in OpenColorIO's ACES configs; interop IDs are aliases."""
 
 _MARK = "written by itmo-video"
 

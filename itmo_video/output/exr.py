@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from itmo_video.colour.primaries import nearest_primaries
+from itmo_video.colour.primaries import CHROMATICITIES, Chromaticities, nearest_primaries
 from itmo_video.compressions import COMPRESSIONS, WRITTEN
 from itmo_video.errors import InputError
 from itmo_video.model import Float32, Half
@@ -31,10 +31,7 @@ from itmo_video.output.exr_scanlines import scanline_file
 from itmo_video.output.exr_windows import in_display_window, is_multi_part, part_index
 from itmo_video.regular_file import read_regular
 
-Chromaticities = tuple[float, float, float, float, float, float, float, float]
-
-AP0: Chromaticities = (0.7347, 0.2653, 0.0, 1.0, 0.0001, -0.077, 0.32168, 0.33767)
-
+_AP0 = CHROMATICITIES["aces2065-1"]
 _PIXEL_KINDS = (np.uint32, np.float16, np.float32)  # by OpenEXR's PixelType
 _MOST_FILE_BYTES = 2 * MOST_PIXEL_BYTES  # larger than any valid file, even badly compressed
 _NO_LAYERS: Mapping[str, Half | Float32] = MappingProxyType({})
@@ -128,7 +125,7 @@ def write_exr(
 
     channels = _checked_channels(rgb, alpha, layers)
     if header.is_aces_container and (
-        header.compression != "none" or layers or tuple(header.chromaticities) != AP0
+        header.compression != "none" or layers or tuple(header.chromaticities) != _AP0
     ):
         raise ValueError("an ACES container must be uncompressed AP0 without layers")
     attributes = _attributes(header)

@@ -23,6 +23,8 @@ pytestmark = pytest.mark.usefixtures("loops")
 
 LOSSY = {"b44": 0.05, "dwaa": 0.02, "dwab": 0.02}  # of the range of the smooth test picture
 
+AP0 = (0.7347, 0.2653, 0.0, 1.0, 0.0001, -0.077, 0.32168, 0.33767)  # SMPTE ST 2065-1
+
 
 def temp_files(folder: Path) -> list[str]:
     return [name for name in os.listdir(folder) if name.endswith(".tmp")]
@@ -179,7 +181,7 @@ def test_what_is_written_is_not_changed(tmp_path: Path) -> None:
 
 
 def test_aces_container(tmp_path: Path) -> None:
-    head = header(compression="none", chromaticities=exr.AP0, is_aces_container=True)
+    head = header(compression="none", chromaticities=AP0, is_aces_container=True)
     exr.write_exr(tmp_path / "a.exr", picture(4, 4), head)
     attributes = exr.read_exr(tmp_path / "a.exr").attributes
     assert attributes["acesImageContainerFlag"] == 1

@@ -15,8 +15,7 @@ import numpy as np
 import pytest
 
 from itmo_video import RunOptions, convert, make_settings, read_exr
-from itmo_video.colour.primaries import INTEROP_IDS
-from itmo_video.delivery.side_files import OCIO_NAMES
+from itmo_video.colour.primaries import INTEROP_IDS, OCIO_NAMES
 from itmo_video.errors import UsageError
 from itmo_video.look import make_look
 from itmo_video.operators import OPERATORS
