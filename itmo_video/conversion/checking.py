@@ -30,7 +30,8 @@ def describe_plan(
     with open_clip(source, input_options(settings, run.max_pixels)) as clip:
         plan = make_plan(clip, make_look(settings), run)
     folder = OutputFolder(output, plan.clip.stem)
-    folder.check(plan.manifest, overwrite=run.overwrite, update=run.update)
+    if not run.null:
+        folder.check(plan.manifest, overwrite=run.overwrite, update=run.update)
     todo, others, _ = ToMake(dict(plan.numbers)) if run.null else frames_to_make(plan, folder, run)
     if others:
         raise rendered_otherwise(others, folder)

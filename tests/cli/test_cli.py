@@ -92,6 +92,16 @@ def test_another_source_is_refused(clip: Path, tmp_path: Path) -> None:
     assert main(["convert", str(other), str(tmp_path / "o")]) == 5
 
 
+def test_a_dry_run_of_null_refuses_no_folder(tmp_path: Path) -> None:
+    """As --null itself, which writes nothing, whatever the folder holds."""
+    clip = write_ffv1(tmp_path / "c.mkv", moving_scene(2, width=64, height=48))
+    line = ["convert", str(clip), str(tmp_path / "o"), "--lights", "16", "--quiet"]
+    assert main(line) == 0
+    for more, code in (([], 5), (["--null"], 0)):
+        for dry in ([], ["--dry-run"]):
+            assert main([*line, "--peak-nits", "600", *more, *dry]) == code, (more, dry)
+
+
 def test_dry_run_writes_nothing_and_tells(
     clip: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
