@@ -53,7 +53,8 @@ class Look:
             return ()
         about = f"operator {self.settings.operator}"
         about += "" if self.needs_map else ", no Expand Map"
-        about += ", footage clipped" if "lamps" in idle and self.operator.sees == "rgb" else ""
+        if self.needs_map and "lamps" in idle and self.operator.sees == "rgb":
+            about += ", footage clipped"
         return (f"{', '.join(sorted(idle))} has no effect with these settings ({about})",)
 
     @property
@@ -62,6 +63,7 @@ class Look:
         settings, operator, idle = self.settings, self.operator, set[str]()
         if not self.needs_map:
             idle |= {*_OF_MAP, "edge_aware", "key_interval", "temporal", "smooth_keys"}
+            idle |= {"footage", "lamps"}  # which say what an operator's own map is
             if not settings.noise_guard:
                 idle |= {"radius", "map_width", "projection"}
         elif operator.sees == "rgb":

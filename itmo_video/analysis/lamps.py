@@ -20,13 +20,14 @@ def lamps_count(found: Rendering, settings: Settings) -> bool:
     """
     if not _is_set(settings):
         return True
-    return found.tone_mapped > 0 and (found.night > 0 or settings.lamps > 1)
+    is_asked = settings.expand_map and found.tone_mapped > 0
+    return is_asked and (found.night > 0 or settings.lamps > 1)
 
 
 def lamps_notices(clip: Clip, numbers: Mapping[int, int], settings: Settings) -> list[str]:
     """A notice if `lamps` has no effect in the first frame, by its number, or none."""
-    if not (numbers and _is_set(settings)):
-        return []
+    if not (numbers and _is_set(settings) and settings.expand_map):
+        return []  # without a map, the look says that it has no effect
     number = min(numbers)
     try:
         frame = next(clip.frames(numbers[number]), None)

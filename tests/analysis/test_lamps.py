@@ -49,6 +49,16 @@ def test_a_notice_where_it_changes_nothing(
     assert (pixels == usual) == (told is not None or lamps == 1.0)
 
 
+def test_one_notice_without_a_map(tmp_path: Path, street: Path) -> None:
+    said, pixels = converted(
+        street, tmp_path / "lamps", lamps=2.0, footage="tone-mapped", expand_map=False
+    )
+    assert said == [
+        "footage, lamps has no effect with these settings (operator auto, no Expand Map)"
+    ]
+    assert pixels == converted(street, tmp_path / "usual", expand_map=False)[1]
+
+
 def test_analyse_says_it_of_each_shot(street: Path) -> None:
     for lamps in (1.0, 2.0):
         (shot,) = analyse(street, make_settings("default", lamps=lamps)).shots

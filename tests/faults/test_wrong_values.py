@@ -193,6 +193,12 @@ def test_settings_without_effect_are_told(
     told = "hue, lamps has no effect with these settings (operator banterle2006)"
     assert told in capsys.readouterr().err
     assert make_look(make_settings("paper", expand_map=False, lights=64)).notices
+    unmapped = make_look(make_settings("default", expand_map=False, footage="clipped", lamps=2))
+    assert unmapped.notices == (
+        "footage, lamps has no effect with these settings (operator auto, no Expand Map)",
+    )
+    assert not {"footage", "lamps"} & unmapped.settings_in_use().keys()
+    assert "hue" in unmapped.settings_in_use()
     for asked in ({}, {"lamps": 0}, {"l_max": 4}, {"peak_nits": 600}, {"layers": ["gain"]}):
         assert make_look(make_settings("default", **asked)).notices == ()
     assert make_look(make_settings("paper")).notices == ()

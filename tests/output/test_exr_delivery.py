@@ -95,7 +95,7 @@ def test_above_30_fps_a_timecode_is_refused_not_left_out(tmp_path: Path) -> None
 OTHER: dict[str, Any] = {
     "lights": 64, "min_lights": 0, "soft_lights": True, "radius": 40.0, "map_width": 48,
     "edge_aware": False, "key_interval": 2, "temporal": "blend", "smooth_keys": 2,
-    "l_white": 1.5, "projection": "latlong",
+    "l_white": 1.5, "projection": "latlong", "footage": "tone-mapped", "lamps": 2.0,
 }  # fmt: skip
 
 
