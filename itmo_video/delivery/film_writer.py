@@ -143,8 +143,13 @@ class FilmWriter:
                     raise OutputError(
                         "the encoder wrote no light levels (MaxCLL)", where=str(self.path)
                     )
-                if self.path.suffix.lower() != ".mkv":
-                    metadata.add_boxes(self._temp, self.spec.mastering, light)
+                has_boxes = self.path.suffix.lower() == ".mkv" or metadata.add_boxes(
+                    self._temp, self.spec.mastering, light
+                )
+                if not has_boxes:  # the only carrier of HDR metadata with ProRes and DNxHR
+                    raise OutputError(
+                        "the HDR metadata (mdcv, clli) could not be added", where=str(self.path)
+                    )
             self._gate.put(self._temp)
         except (av.FFmpegError, OSError, ValueError) as error:
             raise _failure(error, self.path, self._source is not None) from error
@@ -152,7 +157,8 @@ class FilmWriter:
     def close(self) -> None:
         """Close everything and remove an unfinished file."""
         for thing in (getattr(self, "_box", None), self._source):
-            with suppress(Exception):
+            # Closing an unfinished film writes its end, which fails again where writing failed.
+            with suppress(av.FFmpegError, OSError, ValueError):
                 if thing is not None:
                     thing.close()
         with suppress(OSError):

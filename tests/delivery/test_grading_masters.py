@@ -20,6 +20,7 @@ from itmo_video import convert, make_settings
 from itmo_video.cli.main import main
 from itmo_video.colour import chroma, transfer
 from itmo_video.colour.primaries import rgb_to_rgb_matrix
+from itmo_video.delivery import metadata
 from itmo_video.delivery.log_curves import PRIMARIES, acescct, log_codes, logc3
 from itmo_video.delivery.ycbcr import to_ycbcr
 from itmo_video.output.exr import read_exr
@@ -204,6 +205,19 @@ def test_too_small_a_picture_blames_no_sound(
     told = capsys.readouterr().err
     assert "too small" in told
     assert "sound" not in told
+
+
+@pytest.mark.parametrize("codec", ["prores", "dnxhr"])
+def test_a_master_without_its_light_levels_is_an_error(
+    codec: str, clip: Path, tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str],
+) -> None:  # fmt: skip
+    """In .mov the boxes alone state them; they were left out without a notice."""
+    monkeypatch.setattr(metadata, "_VIDEO_ENTRIES", (b"av01",))  # as if its entry were unknown
+    line = ["preview", str(clip), str(tmp_path / "m.mov"), "--codec", codec, "--quiet"]
+    assert main(line) == 5
+    assert "m.mov: the HDR metadata (mdcv, clli) could not be added" in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())
 
 
 def test_444_keeps_every_pixels_colour() -> None:
