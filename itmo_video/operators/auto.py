@@ -22,8 +22,9 @@ import numpy as np
 
 from itmo_video.colour.luminance import greatest_of, luminance_of
 from itmo_video.kernels import compiled_auto
+from itmo_video.kernels.compiled_light import CodesToLight
 from itmo_video.kernels.dispatch import with_compiled_form
-from itmo_video.model import Float32, Half
+from itmo_video.model import Code, Float32, Half
 from itmo_video.operators.auto_clipping import known_clipped
 from itmo_video.operators.auto_levels import (
     certainty,
@@ -260,10 +261,6 @@ class AutoOperator:
             for part in weighed(gain, [], 1, strength)
         ]
 
-    def numbers(self, context: Context) -> compiled_auto.GainAuto:
-        """The constants of `gain_auto` for the compiled passes."""
-        return _numbers(context)
-
     def expand(
         self,
         rgb: Sequence[Float32],
@@ -275,6 +272,22 @@ class AutoOperator:
     ) -> None:
         """`expand_auto`."""
         expand_auto(rgb, ratio, maps, context, strength, out)
+
+    def from_codes(
+        self,
+        loaded: ctypes.CDLL,
+        planes: Sequence[Code],
+        rows: slice,
+        codes: CodesToLight,
+        maps: compiled_auto.SmallMaps,
+        context: Context,
+        strength: float,
+        out: Half,
+    ) -> None:
+        """`expand_auto` of codes."""
+        compiled_auto.auto_from_codes(
+            loaded, planes, rows, codes, maps, _numbers(context), strength, out
+        )
 
 
 OPERATORS = (AutoOperator(),)

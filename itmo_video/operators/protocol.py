@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import ctypes
 from collections.abc import Mapping, Sequence
 from typing import Literal, Protocol, runtime_checkable
 
-from itmo_video.kernels.compiled_auto import GainAuto
-from itmo_video.model import Float32, Half
+from itmo_video.kernels.compiled_auto import SmallMaps
+from itmo_video.kernels.compiled_light import CodesToLight
+from itmo_video.model import Code, Float32, Half
 from itmo_video.operators.base import Context, Guard, Parameter
 
 Sees = Literal["luminance", "channels", "rgb"]
@@ -105,9 +107,6 @@ class WritesHalves(Protocol):
     def reach_px(self) -> int:
         """As `Operator.reach_px`."""
 
-    def numbers(self, context: Context) -> GainAuto:
-        """What the compiled pass from codes to halves needs to know."""
-
     def expand(
         self,
         rgb: Sequence[Float32],
@@ -120,4 +119,25 @@ class WritesHalves(Protocol):
         """Write R, G and B times `gains` of the same arguments to `out` (3, rows, W), as halves.
 
         The products are limited to the range of half floats.
+        """
+
+
+@runtime_checkable
+class ExpandsCodes(WritesHalves, Protocol):
+    """An operator of four maps, or none, with a compiled pass from Y'CbCr codes to halves."""
+
+    def from_codes(
+        self,
+        loaded: ctypes.CDLL,
+        planes: Sequence[Code],
+        rows: slice,
+        codes: CodesToLight,
+        maps: SmallMaps,
+        context: Context,
+        strength: float,
+        out: Half,
+    ) -> None:
+        """`expand` of some rows of the planes Y, Cb and Cr into `out` (3, rows, W), same bytes.
+
+        `loaded` is the compiled library; `codes` has an exponent; `maps` are at analysis size.
         """

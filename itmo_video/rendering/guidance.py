@@ -120,9 +120,10 @@ class Guidance:
         return maps, ratio
 
     def small_maps(self, rows: slice) -> compiled_auto.SmallMaps | None:
-        """The input of `rows`, for a kernel that upsamples maps itself; None if it cannot.
+        """The input of `rows`, for a kernel that upsamples four maps itself; None if it cannot.
 
-        None if the compiled library is not used, and for maps that follow the picture's edges.
+        It cannot for RGB and grey, for panoramas, for maps that follow the picture's edges, or for
+        another number of maps (but none).
         """
         small = self._small
         if self._plainly or self._edge_aware or self._frame.encoding.family != "ycbcr":

@@ -8,11 +8,10 @@ import numpy as np
 
 from itmo_video.colour import linear_light
 from itmo_video.colour.strips import strip_buffers, strips, with_reach
-from itmo_video.kernels import compiled_auto
 from itmo_video.kernels.dispatch import with_compiled_form
 from itmo_video.model import Frame, Half
 from itmo_video.operators.base import Context
-from itmo_video.operators.protocol import WritesHalves
+from itmo_video.operators.protocol import ExpandsCodes, WritesHalves
 from itmo_video.rendering.guidance import Guidance
 
 
@@ -47,14 +46,12 @@ def _compiled_rows(
     strength: float,
     out: Half,
 ) -> None:
-    maps = guidance.small_maps(rows)
+    maps = guidance.small_maps(rows) if isinstance(operator, ExpandsCodes) else None
     codes = None if maps is None else linear_light.codes_to_light(frame, clip=True)
-    if maps is None or codes is None or codes.exponent is None:
+    if not isinstance(operator, ExpandsCodes) or not (maps and codes and codes.exponent):
         expand_in_steps(frame, rows, guidance, operator, context, strength, out)
         return
-    compiled_auto.auto_from_codes(
-        loaded, frame.planes[:3], rows, codes, maps, operator.numbers(context), strength, out
-    )
+    operator.from_codes(loaded, frame.planes[:3], rows, codes, maps, context, strength, out)
 
 
 @with_compiled_form(_compiled_rows)
@@ -69,6 +66,7 @@ def expand_rows(
 ) -> None:
     """Expand some rows of a frame, clipped to [0, 1]: halves into `out` (3, rows, W).
 
-    The compiled form is one pass over the codes if light is a power of them, with the same bytes.
+    The compiled form is one pass over the codes, with the same bytes, if the operator has one and
+    light is a power of them.
     """
     expand_in_steps(frame, rows, guidance, operator, context, strength, out)

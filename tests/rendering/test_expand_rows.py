@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from fractions import Fraction
 from typing import Any
 
@@ -13,9 +14,12 @@ from compiled_kernels import loaded, needs_kernels
 
 from itmo_video import make_settings
 from itmo_video.colour.analysis_picture import analysis_guide
+from itmo_video.colour.linear_light import strip_to_rgb_linear
+from itmo_video.colour.strips import strip_buffers
 from itmo_video.look import context_of, make_look
-from itmo_video.model import Frame
-from itmo_video.operators.protocol import WritesHalves
+from itmo_video.model import Float32, Frame, Half
+from itmo_video.operators import Context
+from itmo_video.operators.protocol import ExpandsCodes
 from itmo_video.rendering.guidance import Guidance
 from itmo_video.rendering.rows import expand_in_steps, expand_rows
 
@@ -50,7 +54,7 @@ def picture(size: tuple[int, int], kind: tuple[tuple[int, int], Any, int, Any]) 
 def both(frame: Frame, maps: npt.NDArray[np.float32] | None, strength: float, **given: Any) -> None:
     """Hold the pass against its steps, by strips of 32 rows and as a whole: no strip shows."""
     look = make_look(make_settings("default", map_width=16, **given))
-    assert isinstance(look.operator, WritesHalves)
+    assert isinstance(look.operator, ExpandsCodes)
     guide = analysis_guide(frame, 16)
     guidance = Guidance(frame, guide, look.settings, maps, False, look.operator.guard)
     context = context_of(None, look)
@@ -79,6 +83,35 @@ def test_one_pass_gives_the_bytes_of_its_steps(
     maps[..., zero] = 0
     for strength, hue in ((1.0, "restore"), (0.6, "keep")):
         both(frame, maps, strength, hue=hue)
+
+
+class Doubled:
+    """An operator's way to halves, without a pass over codes."""
+
+    reach_px = 0
+
+    def expand(
+        self,
+        rgb: Sequence[Float32],
+        ratio: Float32 | None,
+        maps: Sequence[Float32],
+        context: Context,
+        strength: float,
+        out: Half,
+    ) -> None:
+        """Twice the picture."""
+        out[...] = np.stack(rgb) * np.float32(2)
+
+
+@needs_kernels
+def test_another_operator_keeps_its_own_gains() -> None:
+    frame, look = picture((33, 131), KINDS[0]), make_look(make_settings("default", map_width=16))
+    guidance = Guidance(frame, analysis_guide(frame, 16), look.settings, None, False)
+    rows, out = slice(0, 33), np.zeros((3, 33, 131), np.float16)
+    expand_rows(frame, rows, guidance, Doubled(), context_of(None, look), 1.0, out)
+    light = strip_buffers(rows, 131)
+    strip_to_rgb_linear(frame, rows, True, light)
+    assert np.array_equal(out, (2 * np.stack(light)).astype(np.float16))
 
 
 @needs_kernels
