@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Callable, Sequence
-from typing import Any, Literal
+from typing import Literal
 
 import cv2
 import numpy as np
@@ -17,8 +17,10 @@ import numpy.typing as npt
 from itmo_video.colour import linear_light
 from itmo_video.colour.primaries import rgb_to_rgb_matrix
 from itmo_video.delivery.eetf import bt2390_eetf
+from itmo_video.delivery.half_tables import all_halves
 from itmo_video.delivery.lettering import labelled
 from itmo_video.model import Float32, Frame, Half
+from itmo_video.operators import filmic
 from itmo_video.rendering.frame import alpha_of
 
 Picture = npt.NDArray[np.float32]
@@ -34,12 +36,7 @@ def reinhard(level: Float32, peak: float) -> Float32:
 
 def hable(level: Float32, peak: float) -> Float32:
     """J. Hable's filmic curve (Uncharted 2, GDC 2010), scaled so that `peak` is 1."""
-
-    def curve(x: Any) -> Any:
-        a, b, c, d, e, f = 0.15, 0.50, 0.10, 0.20, 0.02, 0.30
-        return (x * (a * x + c * b) + d * e) / (x * (a * x + b) + d * f) - e / f
-
-    return np.asarray(curve(2 * level) / curve(2 * peak), np.float32)
+    return np.asarray(filmic.forward(2 * level, 2 * peak), np.float32)
 
 
 def aces(level: Float32, peak: float) -> Float32:
@@ -128,7 +125,6 @@ def ladder(linear: Picture, peak: float) -> Picture:
 @functools.lru_cache(maxsize=8)
 def _tone_table(name: str, peak: float) -> Float32:
     """Output over input level for all bit patterns of a half float."""
-    halves = np.arange(65536, dtype=np.uint16).view(np.float16).astype(np.float32)
-    level = np.nan_to_num(np.abs(halves), nan=0.0, posinf=65504.0)
+    level = np.nan_to_num(np.abs(all_halves()), nan=0.0, posinf=65504.0).astype(np.float32)
     level = np.maximum(level, np.float32(1e-7))
     return np.asarray(np.minimum(TONE_MAPS[name](level, peak), 1) / level, np.float32)
