@@ -21,6 +21,7 @@ from itmo_video.colour.transfer import (
     SRGB_POWER,
     SRGB_SLOPE,
     eotf,
+    inverse_eotf,
     pq_nits,
 )
 from itmo_video.model import Code, Float64, Primaries, Transfer
@@ -31,7 +32,7 @@ D50_XYZ = (0.9642, 1.0, 0.8249)  # the profile connection space's white
 _MOST_BYTES = 16 << 20
 _NEAR_LIGHT, _NEAR_XYZ = 1e-3, 2.5e-3  # tolerance for recognising a curve or primary
 _KNOWN_CURVES: tuple[Transfer, ...] = ("srgb", "gamma22", "linear", "bt1886")
-_KNOWN_PRIMARIES: tuple[Primaries, ...] = ("rec709", "p3d65", "adobergb", "rec2020")
+KNOWN_PRIMARIES: tuple[Primaries, ...] = ("rec709", "p3d65", "adobergb", "rec2020")
 _STRIP_ROWS = 64
 _PQ_POINTS = 4096
 
@@ -92,7 +93,7 @@ def named_primaries(profile: Profile) -> Primaries | None:
     """The known primaries that a profile's colorants match, None if there are none."""
     if profile.to_xyz is None:
         return None
-    for name in _KNOWN_PRIMARIES:
+    for name in KNOWN_PRIMARIES:
         if np.abs(profile.to_xyz - _d50_matrix(name)).max() < _NEAR_XYZ:
             return name
     return None
@@ -208,10 +209,7 @@ def _levels(bit_depth: int) -> Float64:
 
 def _coded(light: Float64) -> Code:
     """16-bit codes of the sRGB curve."""
-    light = np.clip(light, 0, 1)
-    power = (1 + SRGB_OFFSET) * light ** (1 / SRGB_POWER) - SRGB_OFFSET
-    code = np.where(light <= SRGB_LIGHT, light * SRGB_SLOPE, power)
-    return np.asarray(np.rint(code * 65535), np.uint16)
+    return np.asarray(np.rint(inverse_eotf(np.clip(light, 0, 1), "srgb") * 65535), np.uint16)
 
 
 def _tags(data: bytes) -> dict[bytes, bytes]:

@@ -11,7 +11,6 @@ from itmo_video.source import icc
 from itmo_video.source.still_picture import StillPicture, sixteen_bits
 from itmo_video.source.tags import InputOptions, Tags
 
-_PRIMARIES: tuple[Primaries, ...] = ("rec709", "p3d65", "adobergb", "rec2020")
 _GAMMAS: dict[Transfer, float] = {"gamma22": 1 / 2.2, "linear": 1.0}
 _LEAST_GAMMA, _MOST_GAMMA = 0.2, 1.5  # encoding exponents; beyond these, the file is wrong
 
@@ -57,7 +56,7 @@ def _named_primaries(xy: Sequence[float] | None) -> Primaries | None:
     if xy is None:
         return None
     stated = (*xy[2:], *xy[:2])
-    for name in _PRIMARIES:
+    for name in icc.KNOWN_PRIMARIES:
         if max(abs(a - b) for a, b in zip(stated, CHROMATICITIES[name], strict=True)) < 0.003:
             return name
     return None
