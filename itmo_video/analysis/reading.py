@@ -20,8 +20,8 @@ from itmo_video.analysis.model import (
 )
 from itmo_video.errors import InputError, UsageError
 from itmo_video.options import checked_path
-from itmo_video.output.atomic import StrPath
 from itmo_video.presets import check_own
+from itmo_video.regular_file import StrPath
 from itmo_video.settings import LOOK
 from itmo_video.untrusted import parse_json, parse_rational, read_text
 from itmo_video.words import cut

@@ -13,7 +13,8 @@ from contextlib import suppress
 from datetime import UTC, datetime
 
 from itmo_video.errors import OutputError
-from itmo_video.output.atomic import StrPath, output_error
+from itmo_video.output.atomic import output_error
+from itmo_video.regular_file import StrPath
 
 _TIME = "%Y-%m-%dT%H:%M:%S"
 _OURS = re.compile(rb"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d\.\d{3}Z ")

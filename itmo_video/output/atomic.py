@@ -19,8 +19,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from itmo_video.errors import OutputError
-
-StrPath = str | os.PathLike[str]
+from itmo_video.regular_file import StrPath
 
 
 class TempOwner(NamedTuple):

@@ -7,7 +7,8 @@ import shutil
 from pathlib import Path
 
 from itmo_video.compressions import COMPRESSIONS
-from itmo_video.output.atomic import StrPath, output_error
+from itmo_video.output.atomic import output_error
+from itmo_video.regular_file import StrPath
 from itmo_video.settings import Settings
 
 _HEADER_BYTES = 4096

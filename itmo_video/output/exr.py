@@ -24,12 +24,12 @@ from itmo_video.colour.primaries import CHROMATICITIES, Chromaticities, nearest_
 from itmo_video.compressions import COMPRESSIONS, WRITTEN
 from itmo_video.errors import InputError
 from itmo_video.model import Float32, Half
-from itmo_video.output.atomic import StrPath, write_parts, write_whole
+from itmo_video.output.atomic import write_parts, write_whole
 from itmo_video.output.exr_chunks import DamageError, check_chunks, with_window
 from itmo_video.output.exr_claims import MOST_PIXEL_BYTES, check_claims
 from itmo_video.output.exr_scanlines import scanline_file
 from itmo_video.output.exr_windows import in_display_window, is_multi_part, part_index
-from itmo_video.regular_file import read_regular
+from itmo_video.regular_file import StrPath, read_regular
 
 _AP0 = CHROMATICITIES["aces2065-1"]
 _PIXEL_KINDS = (np.uint32, np.float16, np.float32)  # by OpenEXR's PixelType

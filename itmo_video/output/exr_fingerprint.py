@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from itmo_video.errors import InputError
-from itmo_video.output.atomic import StrPath
 from itmo_video.output.exr_chunks import DamageError, parse_header
-from itmo_video.regular_file import read_head
+from itmo_video.regular_file import StrPath, read_head
 
 _HEADER_BYTES = 1 << 18  # ours has a few kilobytes, apart from long comments
 

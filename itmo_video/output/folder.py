@@ -19,7 +19,6 @@ from typing import Literal, TypeVar
 
 from itmo_video.errors import InputError, OutputError
 from itmo_video.output.atomic import (
-    StrPath,
     output_error,
     sweep_temp_files,
     temp_path,
@@ -30,6 +29,7 @@ from itmo_video.output.exr_fingerprint import stated_fingerprint
 from itmo_video.output.frame_form import FrameForm
 from itmo_video.output.manifest import MANIFEST_NAME, Manifest, read_manifest
 from itmo_video.output.settings_changes import settings_changes
+from itmo_video.regular_file import StrPath
 
 FrameState = Literal["missing", "whole", "concealed", "damaged", "other"]
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 
 from itmo_video.errors import UsageError
-from itmo_video.output.atomic import StrPath
+from itmo_video.regular_file import StrPath
 
 FILM_SUFFIXES = (
     ".mp4", ".m4v", ".mov", ".mkv", ".webm", ".avi", ".mxf", ".ts", ".y4m", ".gif",

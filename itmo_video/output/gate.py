@@ -18,13 +18,12 @@ from pathlib import Path
 from itmo_video.errors import InputError, OutputError
 from itmo_video.output.atomic import (
     RUN_AGAIN,
-    StrPath,
     output_error,
     sweep_temp_files,
     temp_path,
     write_whole,
 )
-from itmo_video.regular_file import open_regular
+from itmo_video.regular_file import StrPath, open_regular
 from itmo_video.source.digest import content_digest
 
 _HEAD_BYTES = 4096

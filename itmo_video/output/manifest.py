@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from itmo_video.errors import InputError
-from itmo_video.output.atomic import StrPath
+from itmo_video.regular_file import StrPath
 from itmo_video.untrusted import parse_json, read_text
 
 MANIFEST_NAME = "itmo-video.json"

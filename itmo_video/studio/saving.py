@@ -15,9 +15,10 @@ from itmo_video.analysis.reading import parse_analysis
 from itmo_video.conversion.run_options import RunOptions
 from itmo_video.errors import InputError, OutputError, UsageError
 from itmo_video.options import flag_name
-from itmo_video.output.atomic import RESUMES, StrPath
+from itmo_video.output.atomic import RESUMES
 from itmo_video.output.gate import ANALYSIS, Gate, Kind
 from itmo_video.presets import load_preset, overriding, read_preset
+from itmo_video.regular_file import StrPath
 from itmo_video.studio.document import Document
 from itmo_video.studio.studio_options import OF_RUN
 
