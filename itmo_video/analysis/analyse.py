@@ -19,6 +19,7 @@ from itmo_video.analysis.suggestions import suggestions
 from itmo_video.colour import linear_light
 from itmo_video.colour.analysis_picture import analysis_size
 from itmo_video.colour.luminance import limited_luminance
+from itmo_video.colour.transfer import BT1886_GAMMA
 from itmo_video.errors import DamagedInputError, InputError, ReplacedInputError, UsageError
 from itmo_video.events import FrameDone, OnEvent, Warned, ignore
 from itmo_video.model import ClipInfo, Frame
@@ -31,8 +32,7 @@ from itmo_video.source.clip import first_number
 from itmo_video.source.opening import Clip, input_options, open_clip
 from itmo_video.source.read_faults import FailingDiskError
 
-_BINS = 1024  # of luminance to the power 1/2.4, for roughly uniform perception
-_GAMMA = 2.4
+_BINS = 1024  # of luminance coded by BT.1886, for roughly uniform perception
 _CLIPPED = 0.99  # of white, as compression makes clipped areas vary
 _BAR = 0.06  # of white, as bars vary, too
 
@@ -66,7 +66,7 @@ class _Tally:
         return told if lamps_count(found, settings) else f"{told}; lamps has no effect"
 
     def statistics(self) -> Statistics:
-        levels = ((np.arange(_BINS) + 0.5) / _BINS) ** _GAMMA
+        levels = ((np.arange(_BINS) + 0.5) / _BINS) ** BT1886_GAMMA
         so_far = np.cumsum(self.histogram) / max(1, self.histogram.sum())
         shares = [levels[np.searchsorted(so_far, p)] for p in (0.01, 0.5, 0.95, 0.99)]
         p1, p50, p95, p99 = (round(min(float(level), self.maximum), 6) for level in shares)
@@ -258,7 +258,7 @@ def _tally(frame: Frame, map_width: int) -> _Tally:
     luminance = limited_luminance(planes_linear)
     found = rendering_of(np.clip(np.dstack(list(planes_linear)), 0, 1))
     tally.rendering[:] = found.measures
-    bins = np.minimum(luminance ** (1 / _GAMMA) * _BINS, _BINS - 1).astype(np.int64)
+    bins = np.minimum(luminance ** (1 / BT1886_GAMMA) * _BINS, _BINS - 1).astype(np.int64)
     tally.histogram = np.bincount(bins.ravel(), minlength=_BINS)
     tally.total, tally.maximum = float(luminance.mean(dtype=np.float64)), float(luminance.max())
     black, span = frame.encoding.black_and_span

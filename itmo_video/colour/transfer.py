@@ -6,7 +6,8 @@ import numpy as np
 
 from itmo_video.model import Float32, Float64, Transfer
 
-_GAMMA: dict[Transfer, float] = {"bt1886": 2.4, "gamma22": 2.2, "linear": 1.0}
+BT1886_GAMMA = 2.4  # ITU-R BT.1886 with a black of 0
+_GAMMA: dict[Transfer, float] = {"bt1886": BT1886_GAMMA, "gamma22": 2.2, "linear": 1.0}
 
 
 # IEC 61966-2-1 as published: slope, offset, exponent, and where the line ends in code and light.

@@ -16,6 +16,7 @@ import numpy.typing as npt
 
 from itmo_video.colour import linear_light
 from itmo_video.colour.primaries import rgb_to_rgb_matrix
+from itmo_video.colour.transfer import BT1886_GAMMA
 from itmo_video.delivery.eetf import bt2390_eetf
 from itmo_video.delivery.half_tables import all_halves
 from itmo_video.delivery.lettering import labelled
@@ -25,8 +26,6 @@ from itmo_video.rendering.frame import alpha_of
 
 Picture = npt.NDArray[np.float32]
 Layout = Literal["side", "wipe"]
-
-_GAMMA = 1 / 2.4  # SDR monitors are BT.1886
 
 
 def reinhard(level: Float32, peak: float) -> Float32:
@@ -85,7 +84,7 @@ def tone_mapped(linear: Picture, name: str, peak: float) -> Picture:
 
 def encoded(linear: Picture) -> Picture:
     """Linear light as R'G'B' for a BT.1886 monitor, clipped to [0, 1]."""
-    return np.asarray(np.clip(linear, 1e-9, 1) ** np.float32(_GAMMA), np.float32)
+    return np.asarray(np.clip(linear, 1e-9, 1) ** np.float32(1 / BT1886_GAMMA), np.float32)
 
 
 def source_picture(frame: Frame) -> Picture:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from itmo_video.colour.transfer import BT1886_GAMMA
 from itmo_video.delivery import hdr, sdr, stills
 from itmo_video.delivery.avif_properties import with_light
 from itmo_video.delivery.eetf import to_display
@@ -102,7 +103,7 @@ def _gain_map(picture: Picture, pictures: Pictures, options: PreviewOptions) -> 
         base = sdr.source_picture(picture.source)
     else:
         shown = sdr.tone_mapped(linear, options.tone_map, peak)
-        base = np.asarray(shown ** np.float32(2.4), np.float32)  # BT.1886, as it was encoded
+        base = np.asarray(shown ** np.float32(BT1886_GAMMA), np.float32)  # as it was encoded
     nits = hdr.to_nits_2020(
         picture.rgb, pictures.primaries, pictures.white_nits, pictures.peak_nits
     )

@@ -21,8 +21,7 @@ from itmo_video.model import Float32, Float64
 Floats: TypeAlias = npt.NDArray[np.floating[Any]]
 Indices: TypeAlias = npt.NDArray[np.intp]
 
-GAMMA = 0.918  # eq. 16, after Pavicic 1990
-BETA = 1.953
+GAMMA, BETA = 0.918, 1.953  # eq. 16's, after Pavicic 1990
 
 RAMP_BELOW, RAMP_ABOVE = 2.1, 1.9  # lights below and above the threshold
 

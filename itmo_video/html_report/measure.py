@@ -13,6 +13,7 @@ import numpy as np
 from itmo_video.colour import linear_light
 from itmo_video.colour.analysis_picture import analysis_size
 from itmo_video.colour.primaries import luminance_weights
+from itmo_video.colour.transfer import BT1886_GAMMA
 from itmo_video.delivery import hdr
 from itmo_video.delivery.hdr import Light
 from itmo_video.delivery.pictures import Picture
@@ -225,7 +226,7 @@ def _gain(picture: Picture, luminance: Float32) -> Float32 | None:
 
 def _grey(luminance: Float32) -> Code:
     """The result within the range of SDR as small 8-bit codes, for finding motion."""
-    code = np.clip(_small(luminance), 0, 1) ** np.float32(1 / 2.4)
+    code = np.clip(_small(luminance), 0, 1) ** np.float32(1 / BT1886_GAMMA)
     return np.asarray(np.rint(255 * code), np.uint8)
 
 
@@ -233,5 +234,5 @@ def _tiny(picture: Picture, luminance: Float32, map_width: int) -> Float32:
     if picture.source is not None:
         return analyse_frame(picture.source, map_width).tiny
     # Without the source: the result's lower tones, which the operators hardly change.
-    code = np.clip(luminance, 0, 1) ** np.float32(1 / 2.4)
+    code = np.clip(luminance, 0, 1) ** np.float32(1 / BT1886_GAMMA)
     return np.asarray(cv2.resize(code, TINY_SIZE, interpolation=cv2.INTER_AREA))

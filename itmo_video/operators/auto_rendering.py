@@ -19,6 +19,7 @@ import numpy as np
 from itmo_video.colour import linear_light
 from itmo_video.colour.analysis_picture import analysis_size
 from itmo_video.colour.luminance import greatest_of, luminance_of_pixels
+from itmo_video.colour.transfer import BT1886_GAMMA
 from itmo_video.model import Float32, Frame
 from itmo_video.operators.ramps import ramp, ramps
 
@@ -35,7 +36,6 @@ WHITE_LOW, WHITE_FULL = 0.8, 0.95  # with white below the first, it was not tone
 LOW_RANGE, FULL_RANGE = 2.0, 2.6  # stops from the darkest tenth to white: less needs none
 DARK_CODE, ORDINARY_CODE = 0.2, 0.35  # of the middle tone, BT.1886
 GREATEST_WEIGHT = 2.5  # of eq. 11's gain
-_GAMMA = 2.4
 
 
 @dataclass(frozen=True)
@@ -126,7 +126,7 @@ def rendering_of(rgb_linear: Float32, footage: str = "auto") -> Rendering:
         clipped / greatest.size,
         (bright - clipped) / greatest.size,
         float(white),
-        float(middle) ** (1 / _GAMMA),
+        float(middle) ** (1 / BT1886_GAMMA),
         (just_below - clipped) / greatest.size,
         float(dark),
         footage,

@@ -10,6 +10,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from itmo_video.colour.transfer import BT1886_GAMMA
 from itmo_video.model import Float32
 
 Floats: TypeAlias = npt.NDArray[np.floating[Any]]
@@ -17,7 +18,6 @@ Floats: TypeAlias = npt.NDArray[np.floating[Any]]
 DELTA = 1e-3  # eq. 5; reproduces Table 1's Memorial to 1 %
 FLOOR = 1e-6  # below this luminance the gain of FLOOR is used, to avoid 0 / 0 at black
 OVER_CODE = 254 / 255  # Masia 2017 counts codes of 254 and more as over-exposed
-_GAMMA = 2.4  # BT.1886, for publications whose thresholds are codes of 0 to 255
 
 
 @dataclass(frozen=True)
@@ -142,12 +142,12 @@ def geometric_mean(luminance: Float32, delta: float = DELTA) -> float:
 
 def light_of_code(code: float) -> float:
     """The linear luminance of a grey code in [0, 1], BT.1886."""
-    return float(code**_GAMMA)
+    return float(code**BT1886_GAMMA)
 
 
 def code_of_light(luminance: Float32) -> Float32:
     """The grey code in [0, 1] of linear luminance, BT.1886, for publications that filter codes."""
-    return np.asarray(np.power(luminance, np.float32(1 / _GAMMA)), np.float32)
+    return np.asarray(np.power(luminance, np.float32(1 / BT1886_GAMMA)), np.float32)
 
 
 def frame_stats(luminance: Float32) -> FrameStats:

@@ -12,6 +12,7 @@ import cv2
 import numpy as np
 
 from itmo_video.colour.analysis_picture import guide_codes
+from itmo_video.colour.transfer import BT1886_GAMMA
 from itmo_video.expand_map import density
 from itmo_video.kernels import compiled, compiled_auto
 from itmo_video.kernels.dispatch import with_compiled_form
@@ -23,7 +24,6 @@ from itmo_video.settings import Settings
 EDGE_EPSILON = 1e-3  # contrasts (squared, of codes 0..1) below this do not affect the map
 SOFTENING = np.array([1, 4, 6, 4, 1], np.float32) / 16  # binomial, a standard deviation of 1 px
 REACH = len(SOFTENING) // 2
-GAMMA = 2.4  # how luminance follows the code, for small differences
 
 
 def strip_codes(frame: Frame, rows: slice, wrap_x: bool) -> tuple[Float32, Float32]:
@@ -76,7 +76,7 @@ class Guidance:
             a, b = guided_upsampling.edge_aware_coefficients(
                 guide, guide, guard.radius_px, guard.epsilon
             )
-            small += [(a - np.float32(1)) * np.float32(GAMMA), b * np.float32(GAMMA)]
+            small += [(a - np.float32(1)) * np.float32(BT1886_GAMMA), b * np.float32(BT1886_GAMMA)]
         if map_small is not None:
             maps = [map_small] if map_small.ndim == 2 else list(cv2.split(map_small))
             for one in maps:
@@ -101,8 +101,8 @@ class Guidance:
 
         Float32 (rows, W) each; no maps, and None, if none are wanted. A map that is 0 in all of
         these rows is a single 0 with strides of 0, which costs nothing. The guard works on codes,
-        where noise is uniform; to first order, a relative change of code changes luminance by GAMMA
-        times as much.
+        where noise is uniform; to first order, a relative change of code changes luminance by
+        BT.1886's gamma times as much.
         """
         small = self._small
         if small is None:
