@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import fields
+from difflib import get_close_matches
 from fractions import Fraction
 from typing import Any
 
@@ -100,6 +101,8 @@ def _analysis(data: Any, where: str) -> Analysis:
 def _shot(entry: Any, position: int) -> Shot:
     place = f"shots[{position}]"
     if isinstance(entry, dict):
+        if "first" in entry and "last" in entry:
+            place = f"shot {entry['first']}-{entry['last']}"
         named = [str(name).replace("-", "_") for name in entry]
         if len(set(named)) < len(named):
             twice = Counter(named).most_common(1)[0][0]
@@ -157,7 +160,9 @@ def _check_names(data: Any, known: Sequence[str], needed: Sequence[str], place: 
     if not isinstance(data, dict):
         raise _WrongError(f"{place} is not a table")
     if unknown := sorted(set(data) - set(known)):
-        raise _WrongError(f"{place}: unknown {', '.join(unknown)}; known are {', '.join(known)}")
+        alike = get_close_matches(str(unknown[0]), known, 1)
+        hint = f"did you mean {alike[0]}?" if alike else f"known are {', '.join(known)}"
+        raise _WrongError(f"{place}: unknown {', '.join(map(str, unknown))}; {hint}")
     if missing := [name for name in needed if name not in data]:
         raise _WrongError(f"{place}: {', '.join(missing)} is missing")
 

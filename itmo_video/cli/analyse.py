@@ -83,7 +83,10 @@ def _metadata(args: argparse.Namespace, run: RunOptions) -> int:
     if args.output is not None:
         raise UsageError("metadata is written to its own file", remedy="Omit --output.")
     if run.frames is not None:
-        raise UsageError("metadata covers the whole film", remedy="Omit --frames.")
+        raise UsageError(
+            "metadata covers the whole film",
+            remedy="Omit --frames; for a part, `convert --frames` it and analyse that folder.",
+        )
     if args.shots is not None and (run.analysis is not None or os.path.isdir(args.input)):
         raise UsageError("--shots needs a clip and no --analysis", remedy="Omit it.")
     settings = None

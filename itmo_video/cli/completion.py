@@ -15,11 +15,14 @@ PROGRAM = "itmo-video"
 WHERE = """\
 install it, then open a new shell:
   bash:
+    mkdir -p ~/.local/share/bash-completion/completions
     itmo-video completion bash \\
       > ~/.local/share/bash-completion/completions/itmo-video
   zsh (into a folder of $fpath, before compinit runs):
+    mkdir -p ~/.zfunc
     itmo-video completion zsh > ~/.zfunc/_itmo-video
   fish:
+    mkdir -p ~/.config/fish/completions
     itmo-video completion fish > ~/.config/fish/completions/itmo-video.fish
 """
 

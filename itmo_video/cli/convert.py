@@ -19,6 +19,7 @@ from itmo_video.conversion.run_options import RunOptions
 from itmo_video.errors import DamagedInputError, ItmoError, UsageError
 from itmo_video.html_report.report_options import ReportOptions
 from itmo_video.settings import Settings
+from itmo_video.words import frames_are
 
 EXAMPLES = """\
 examples:
@@ -135,9 +136,12 @@ def _convert_one(
         )
     if args.verify:
         checking.require_sound(checking.verify(source, output, settings, run))
-        print(f"{output}: all frames are present and intact")
+        which = "all frames are" if run.frames is None else frames_are(run.frames)
+        print(f"{output}: {which} present and intact")
         return
     if args.dry_run:
+        if place is not None:
+            print(f"{source}:")
         print(checking.describe_plan(source, output, settings, run))
         return
     if args.report:

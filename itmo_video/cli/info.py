@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
+from itmo_video.errors import InputError, UsageError
 from itmo_video.options import flag_name
 from itmo_video.presets import load_preset, make_settings, preset_names, read_preset
 
@@ -41,10 +43,24 @@ def add_info(commands: Any) -> None:
 
 
 def _info(args: argparse.Namespace) -> int:
+    from itmo_video.output.manifest import MANIFEST_NAME
     from itmo_video.source import facts
     from itmo_video.source.opening import open_clip
+    from itmo_video.source.pipe import is_pipe
     from itmo_video.source.tags import InputOptions
 
+    if is_pipe(args.input):
+        raise UsageError(
+            "a pipe can be read only once, and info reads no frames of it",
+            remedy="Give a file; `convert -` tells what it assumes of a pipe.",
+        )
+    if os.path.exists(os.path.join(args.input, MANIFEST_NAME)):
+        raise InputError(
+            "is a converted folder, not a clip",
+            where=args.input,
+            remedy="`report` shows it, `analyse --hdr10` its light levels, `evaluate` its figures; "
+            "for metadata give a frame of it, or the clip that it was made from.",
+        )
     # HDR that convert would refuse is only reported by info.
     with open_clip(args.input, InputOptions(only_tells=True)) as clip:
         told = facts.clip_facts(clip.info)
@@ -72,7 +88,8 @@ def _rendering(clip: Clip) -> dict[str, str] | None:
     if first is None:
         return None
     words = rendering_of_frame(first, settings.map_width).in_words(settings.l_max_effective)
-    return {"value": words, "from": "the first frame alone; `analyse` shows each shot"}
+    whole = "the picture" if clip.info.frames == 1 else None
+    return {"value": words, "from": whole or "the first frame alone; `analyse` shows each shot"}
 
 
 def _presets(args: argparse.Namespace) -> int:

@@ -122,12 +122,15 @@ class Progress:
     def _sum_up(self, event: Finished) -> None:
         output = "standard output" if self._output == "-" else self._output
         where = f"{self._place}{output}: " if output else self._place
-        present = f", {event.present} already present" if event.present else ""
         # EXRs have a peak in their own primaries; what is in BT.2020 has MaxCLL, often lower.
         brightest = f", peak {event.peak_nits:.0f} nits" if event.peak_nits else ""
         brightest = f", MaxCLL {event.max_cll:.0f} nits" if event.max_cll else brightest
+        told = brightest
+        if event.present:  # their light is not known
+            own = f" ({brightest.removeprefix(', ')})" if brightest else ""
+            told = f"{own}, {event.present} already present"
         self._say(
-            f"{where}{counted(event.written, 'frame')} rendered{present}{brightest}, "
+            f"{where}{counted(event.written, 'frame')} rendered{told}, "
             f"{event.seconds:.1f} s, {in_words(event.bytes_written)}"
         )
 

@@ -66,6 +66,9 @@ def verify(
         plan = make_plan(clip, make_look(settings), run)
     folder = OutputFolder(output, plan.clip.stem)
     faults = folder.verify({n: plan.fingerprint(n) for n in plan.numbers}, plan.jobs, plan.form)
+    if run.frames is None:
+        strange = sorted({*folder.frame_numbers()} - {*plan.numbers})
+        faults += [(folder.frame_path(n), "no frame of this clip; move it away") for n in strange]
     if faults:
         try:
             folder.check(plan.manifest)

@@ -57,8 +57,8 @@ def nothing_expanded(plan: Plan, summary: Summary) -> str | None:
         )
     if is_auto:
         return (
-            "hardly anything was expanded: little in this footage seems to have been brighter than "
-            "white; --footage tone-mapped or --preset paper expands it anyway"
+            "hardly anything was expanded: little in these frames seems to have been brighter than "
+            "white; --footage tone-mapped expands them anyway"
         )
     if plan.look.operator.sees == "rgb":
         return None

@@ -43,6 +43,11 @@ from itmo_video.words import counted
 Y4M_SUFFIX = ".y4m"
 OVER_BLACK = "alpha is not written: transparent pixels are over black"
 _NO_LIGHT = Light(0.0, 0.0)
+_UNEVEN = 0.25  # of a frame's time; stamps in milliseconds are off by less, up to 120 fps
+_ONE_RATE = (
+    "Y4M has one frame rate: the times of this clip's frames, which differ, are lost; use --fps N "
+    "with a file, or write a film"
+)
 
 
 def is_y4m(output: Path) -> bool:
@@ -75,6 +80,8 @@ def write_film(
         lambda picture: frame_with_alpha(picture, pictures, options, chroma, keeps_alpha)
     )
     count, light = 0, _NO_LIGHT
+    is_uneven = False
+    before: tuple[int, Fraction] | None = None
     try:
         first = next(shown, None)
         if first is None:
@@ -88,6 +95,8 @@ def write_film(
                 on_event(Warned(notice))
             try:
                 for frame, length in _with_durations(first, shown, pictures.last_length_s):
+                    is_uneven = is_uneven or _is_uneven(before, frame, spec.frame_rate)
+                    before = frame.number, frame.time_s
                     planes = frame.planes if frame.alpha is None else (*frame.planes, frame.alpha)
                     writer.write(planes, frame.time_s, length, messages.get(frame.number))
                     count, light = count + 1, hdr.film_light((light, frame.light))
@@ -95,10 +104,21 @@ def write_film(
                 writer.finish(light)
             except ReaderLeftError:
                 on_event(Warned(f"the reader closed the pipe after {counted(count, 'frame')}"))
+            if is_uneven and is_y4m(output):
+                on_event(Warned(_ONE_RATE))
     finally:
         shown.close()  # type: ignore[attr-defined]  # whoever maps, it is a generator
     size = writer.bytes_written if isinstance(writer, Y4mWriter) else output.stat().st_size
     return count, light, size
+
+
+def _is_uneven(
+    before: tuple[int, Fraction] | None, frame: ShownFrame, frame_rate: Fraction
+) -> bool:
+    """Whether a frame does not follow the one `before` (number, time_s) by about a frame's time."""
+    if before is None or frame.number != before[0] + 1:
+        return False
+    return abs((frame.time_s - before[1]) * frame_rate - 1) > _UNEVEN
 
 
 def _changes(

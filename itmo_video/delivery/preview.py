@@ -16,7 +16,7 @@ from itmo_video.delivery.from_clip import from_clip
 from itmo_video.delivery.from_folder import from_folder
 from itmo_video.delivery.idle_options import idle_options
 from itmo_video.delivery.preview_options import PreviewOptions
-from itmo_video.delivery.still_files import STILLS, check_still_options, write_still
+from itmo_video.delivery.still_files import JPEG, STILLS, check_still_options, write_still
 from itmo_video.delivery.views import check_view
 from itmo_video.delivery.y4m import is_stream_output
 from itmo_video.errors import DamagedInputError, UsageError
@@ -69,9 +69,10 @@ def preview(
     """
     options, run = checked(options, PreviewOptions, "options"), checked(run, RunOptions, "run")
     source, output = Path(checked_path(source, "source")), Path(checked_path(output, "output"))
-    options = replace(options, view=options.view or "hdr10")
     began = time.monotonic()
     is_still = output.suffix.lower() in STILLS
+    is_flat = is_still and options.view is None and output.suffix.lower() not in JPEG
+    options = replace(options, view=options.view or "hdr10")
     _check(output, options)
     if options.frame is not None:
         run = replace(run, frames=str(options.frame))
@@ -100,6 +101,10 @@ def preview(
         raise UsageError("--as compare needs the source", remedy="Give it with --source CLIP.")
     for notice in (*pictures.notices, *idle_options(output, options, used)):
         on_event(Warned(notice))
+    if is_flat:
+        on_event(
+            Warned("a PQ still: viewers that do not know PQ show it grey; --as sdr is for them")
+        )
     on_event(Started(str(source), str(output), len(pictures.numbers), 0))
     if is_still:
         assert gate is not None

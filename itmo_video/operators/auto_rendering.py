@@ -96,9 +96,9 @@ class Rendering:
         reached = f"the brightest reach {self.white:.0%} of"
         if self.tone_mapped >= 0.5:
             how = "highlights roll off" if self.clipped < 0.005 else "highlights are compressed"
-            most = f"{l_max**self.tone_mapped:.1f} times SDR white"
             return (
-                f"{how}, {reached} white: tone-mapped; expanded by the paper's curve, up to {most}"
+                f"{how}, {reached} white: tone-mapped; expanded by the paper's curve with L'max "
+                f"{l_max**self.tone_mapped:.1f}"
             )
         if self.white < WHITE_FULL and self.clipped < 1e-3:
             if self.clipped == 0:

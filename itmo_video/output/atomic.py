@@ -197,7 +197,9 @@ def output_error(error: OSError, path: StrPath, then: str = RESUMES) -> OutputEr
             "permission denied",
             f"Change the permissions or choose another folder, {again}",
         )
-    elif error.errno in (errno.ENOENT, errno.ENOTDIR):
+    elif error.errno == errno.ENOTDIR:
+        what, remedy = "a file is in the way of a folder", "Choose another folder."
+    elif error.errno == errno.ENOENT:
         what, remedy = "the folder does not exist (any more)", f"Restore the folder, {again}"
     else:
         what, remedy = "cannot be written", f"Check the disk, {again}"

@@ -23,6 +23,16 @@ def video_tracks(path: Path) -> dict[int, TrackFacts]:
         return {}
 
 
+def lacks_index(path: Path) -> bool:
+    """Whether a file begins as an MP4 or MOV, but its index (the moov box) never follows."""
+    try:
+        with open_regular(path) as file:
+            begins = file.read(8)[4:] in (b"ftyp", b"mdat", b"wide", b"free")
+        return begins and not _moov(path)
+    except (struct.error, OSError):
+        return False
+
+
 def _moov(path: Path) -> bytes:
     at, size = 0, path.stat().st_size
     with open_regular(path) as file:

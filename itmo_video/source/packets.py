@@ -20,6 +20,7 @@ from itmo_video.regular_file import read_head
 from itmo_video.source import cineform_bands, flash_blocks
 from itmo_video.source.asf_objects import numbered_frames
 from itmo_video.source.files import check_file, check_pixels
+from itmo_video.source.iso_boxes import lacks_index
 from itmo_video.source.read_faults import PROBED_BYTES, fault_at_ends, find_fault
 from itmo_video.source.streams import choose_video, codec_tag
 from itmo_video.untrusted import parse_rational
@@ -96,6 +97,13 @@ def open_container(path: Path, max_pixels: int) -> Any:
         check_memory(error)
         reason = getattr(error, "strerror", None) or str(error)
         fault = fault_at_ends(path)
+        if fault is None and lacks_index(path):
+            raise InputError(
+                "the film has no index (moov): the recording or the copy is incomplete",
+                where=str(path),
+                remedy="Copy it again. A recording that was cut off can often be repaired, with "
+                "untrunc and a whole film of the same camera.",
+            ) from error
         what = f"not a readable video ({reason})" if fault is None else str(fault)
         raise InputError(what, where=str(path)) from error
 

@@ -41,7 +41,10 @@ from itmo_video.untrusted import parse_rational
 from itmo_video.words import missing
 
 _RAW = re.compile(r"(?P<form>[a-z0-9]+):(?P<size>\d{1,6}x\d{1,6}):(?P<rate>\d+(?:/\d+|\.\d+)?)")
-_REMEDY = "Pipe Y4M, Matroska, NUT or MPEG-TS; MP4 works only if it is fragmented."
+_REMEDY = (
+    "Pipe Y4M, Matroska, NUT or MPEG-TS (MP4 only if its index comes first, or it is fragmented); "
+    "frames without a header need --raw FORMAT:WIDTHxHEIGHT:FPS."
+)
 
 
 def is_pipe(source: str | os.PathLike[str]) -> bool:
@@ -68,6 +71,7 @@ class PipeClip(VideoClip):
         self.lost: list[int] = []
         self.broken: str | None = None
         self._times: dict[int, Fraction] = {}
+        self._raw_bytes = 0  # of a frame without header
         if options.fps is not None:
             raise UsageError(
                 "a pipe cannot be resampled", remedy="Resample it before: ffmpeg ... -r 25 -f nut -"
@@ -151,6 +155,8 @@ class PipeClip(VideoClip):
         end = 0
         try:
             for packet in self._container.demux(self._stream):
+                if self._is_cut_off(packet):
+                    break
                 if not packet.size:
                     self._check_end(end, stamps.end)
                 elif not is_hidden(packet, codec):
@@ -160,6 +166,17 @@ class PipeClip(VideoClip):
         except (av.FFmpegError, OSError, IndexError) as error:
             check_memory(error)
             self.broken = f"the stream breaks off ({getattr(error, 'strerror', None) or error})"
+
+    def _is_cut_off(self, packet: Any) -> bool:
+        """Whether this is only a part of a frame without header: the last, or --raw is wrong."""
+        if self._container.format.name != "rawvideo" or not packet.size:
+            return False
+        self._raw_bytes = self._raw_bytes or packet.size
+        if packet.size == self._raw_bytes:
+            return False
+        width, height = self.info.width, self.info.height
+        self.broken = f"the stream is no whole number of {width}x{height} frames: is --raw right?"
+        return True
 
     def _check_end(self, end: int, end_pts: int) -> None:
         """Check that nothing follows the last whole frame of an uncompressed stream.

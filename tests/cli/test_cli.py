@@ -256,3 +256,13 @@ def test_an_interrupted_command_says_what_stands(
 ) -> None:
     assert interrupted(130, [command]) == 130
     assert words in capsys.readouterr().err
+
+
+def test_info_says_what_it_cannot_show(
+    clip: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["info", "-"]) == 2
+    assert "a pipe can be read only once" in capsys.readouterr().err
+    assert main(["convert", str(clip), str(tmp_path / "out"), "--frames", "1", "--quiet"]) == 0
+    assert main(["info", str(tmp_path / "out")]) == 3
+    assert "is a converted folder, not a clip" in capsys.readouterr().err

@@ -209,6 +209,10 @@ def test_the_last_line_has_folder_frames_peak_and_time(
     assert main(["convert", str(clip), str(out)]) == 0
     last = capsys.readouterr().err.splitlines()[-1]
     assert "0 frames rendered, 2 already present, " in last, "nothing was made: no peak"
+    (out / f"{clip.stem}.0002.exr").unlink()
+    assert main(["convert", str(clip), str(out)]) == 0
+    last = capsys.readouterr().err.splitlines()[-1]
+    assert re.search(r": 1 frame rendered \(peak \d+ nits\), 1 already present, ", last), last
 
 
 def test_the_peak_is_that_of_halves() -> None:

@@ -9,6 +9,7 @@ import subprocess
 import threading
 from fractions import Fraction
 from pathlib import Path
+from typing import Any
 
 import av
 import command
@@ -158,3 +159,39 @@ def test_encoders_take_it(films: dict[str, Path], tmp_path: Path, encoder: tuple
     assert len(frames) == COUNT
     assert frames[0].format.name == "yuv420p10le"
     assert not re.search(b"WARN|error", done.stderr.replace(b"Error: 0", b""), re.I), done.stderr
+
+
+def fed(data: bytes, *args: str) -> subprocess.CompletedProcess[bytes]:
+    """The command, with `data` as its standard input."""
+    return subprocess.run(
+        [*command.COMMAND, *args], input=data, capture_output=True, timeout=90,
+        env=command.ENVIRONMENT, check=False,
+    )  # fmt: skip
+
+
+def test_raw_frames_of_another_size_are_told(tmp_path: Path) -> None:
+    """Not only in part: whoever gives 95 lines for 96 gets skewed pictures before the end."""
+    out = str(tmp_path / "out")
+    done = fed(bytes(96 * 64 * 2), "convert", "-", out, "--raw", "gray:96x63:24")
+    assert done.returncode == 4
+    assert b"no whole number of 96x63 frames: is --raw right?" in done.stderr
+    assert b"What came before was converted: 2 frames." in done.stderr
+
+
+@pytest.mark.parametrize(("gap", "told"), [(40, False), (120, True)])
+def test_times_that_y4m_cannot_hold_are_told(tmp_path: Path, gap: int, told: bool) -> None:
+    film = tmp_path / "clip.mkv"
+    with av.open(str(film), "w") as box:
+        stream: Any = box.add_stream("ffv1", rate=25)
+        stream.width, stream.height, stream.pix_fmt = 64, 48, "yuv420p"
+        stream.time_base = Fraction(1, 1000)
+        for pts in (0, 40, 80, 80 + gap, 120 + gap):
+            frame = av.VideoFrame.from_ndarray(np.full((72, 64), 90, np.uint8), "yuv420p")
+            frame.pts, frame.time_base = pts, Fraction(1, 1000)
+            box.mux(stream.encode(frame))
+        box.mux(stream.encode())
+    for source in (str(film), "-"):
+        given = film.read_bytes() if source == "-" else b""
+        done = fed(given, "preview", source, "-")
+        assert done.returncode == 0, done.stderr
+        assert (b"Y4M has one frame rate" in done.stderr) == told, source

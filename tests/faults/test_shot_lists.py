@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import json
 from dataclasses import replace
 from pathlib import Path
@@ -13,6 +14,7 @@ from itmo_video import Analysis, UsageError, analyse, convert, read_analysis
 from itmo_video.analysis.reading import parse_analysis
 from itmo_video.cli.main import main
 from itmo_video.conversion.run_options import RunOptions
+from itmo_video.errors import InputError
 
 
 @pytest.fixture(scope="module")
@@ -106,3 +108,13 @@ def test_frames_of_analyse_at_the_command_line(
     assert [(shot.first, shot.last) for shot in shots] == [(1, 10)]
     run = RunOptions(frames="9-12", analysis=read_analysis(path))
     assert convert(clip, tmp_path / "o", run=run).written == 4
+
+
+def test_a_mistyped_setting_is_told_with_its_shot(found: Analysis) -> None:
+    told = json.loads(found.to_json())
+    for name, hint in (("strenght", "did you mean strength?"), ("xyzzy", "known are first, last")):
+        wrong = copy.deepcopy(told)
+        wrong["shots"][1][name] = 0.5
+        with pytest.raises(InputError, match=f"shot 21-40: unknown {name}; ") as caught:
+            parse_analysis(json.dumps(wrong), where="-")
+        assert hint in str(caught.value)

@@ -115,3 +115,19 @@ def test_digest_is_of_the_content(tmp_path: Path) -> None:
         file.seek(69 << 20)
         file.write(b"x")
     assert content_digest([big]) != before
+
+
+def test_an_mp4_without_its_index_is_told(tmp_path: Path) -> None:
+    whole = write_scene(tmp_path / "whole.mp4", "libx264", 4)
+    data = whole.read_bytes()
+    cut = tmp_path / "cut.mp4"
+    cut.write_bytes(data[: data.index(b"moov") - 4])
+    with pytest.raises(
+        InputError, match="no index \\(moov\\): the recording or the copy"
+    ) as caught:
+        open_clip(cut)
+    assert "Copy it again" in str(caught.value.remedy)
+    text = tmp_path / "text.mp4"
+    text.write_text("no film at all" * 40)
+    with pytest.raises(InputError, match="not a readable video"):
+        open_clip(text)
