@@ -14,7 +14,6 @@ from itmo_video import Analysis, UsageError, analyse, convert, read_analysis
 from itmo_video.analysis.reading import parse_analysis
 from itmo_video.cli.main import main
 from itmo_video.conversion.run_options import RunOptions
-from itmo_video.errors import InputError
 
 
 @pytest.fixture(scope="module")
@@ -115,6 +114,6 @@ def test_a_mistyped_setting_is_told_with_its_shot(found: Analysis) -> None:
     for name, hint in (("strenght", "did you mean strength?"), ("xyzzy", "known are first, last")):
         wrong = copy.deepcopy(told)
         wrong["shots"][1][name] = 0.5
-        with pytest.raises(InputError, match=f"shot 21-40: unknown {name}; ") as caught:
+        with pytest.raises(UsageError, match=f"shot 21-40: unknown {name}; ") as caught:
             parse_analysis(json.dumps(wrong), where="-")
         assert hint in str(caught.value)
