@@ -13,13 +13,14 @@ import json
 import re
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal, get_origin
 
 import itmo_video
 from itmo_video import events
 from itmo_video.cli.main import _parser
 from itmo_video.cli.manual import EXIT_CODES
 from itmo_video.cli.parser_facts import Command, commands_of
+from itmo_video.delivery import choices
 from itmo_video.operators import OPERATORS
 from itmo_video.options import Spec, flag_name, flag_of, spec_of
 from itmo_video.output.exr_attributes import ATTRIBUTES, LAYER_CHANNELS
@@ -191,11 +192,20 @@ def _member(name: str, value: Any) -> list[str]:
         parts.append("Its fields are the [settings](settings.md), with underscores for dashes.")
     elif dataclasses.is_dataclass(value):
         rows = [
-            (f"`{f.name}`", f"`{f.type}`", _help(f.metadata["spec"]) if f.metadata else "")
+            (f"`{f.name}`", f"`{_type(f)}`", _help(f.metadata["spec"]) if f.metadata else "")
             for f in dataclasses.fields(value)
         ]
         parts.append(_table(("field", "type", ""), rows))
     return parts
+
+
+def _type(field: dataclasses.Field[Any]) -> str:
+    """A field's type, with the words that can be chosen in place of their type's name."""
+    found = re.fullmatch(r"(\w+)( \| None)?", str(field.type))
+    named = vars(choices).get(found[1]) if found else None
+    if found is None or get_origin(named) is not Literal:
+        return str(field.type)
+    return repr(named).removeprefix("typing.") + (found[2] or "")
 
 
 def _signature(name: str, function: Any) -> str:

@@ -10,7 +10,8 @@ import av
 import numpy as np
 
 from itmo_video.delivery import metadata
-from itmo_video.delivery.film_spec import DEFAULT_CRF, DEFAULT_SPEED, FilmSpec, Signal, check_size
+from itmo_video.delivery.choices import DEFAULT_CRF, DEFAULT_SPEED
+from itmo_video.delivery.film_spec import FilmSpec, Signal, check_size
 from itmo_video.delivery.svt_av1 import svt_as_guest
 from itmo_video.delivery.ycbcr import Codes10, YCbCr
 

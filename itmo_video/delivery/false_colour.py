@@ -8,15 +8,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any, Literal
+from typing import Any
 
 import cv2
 import numpy as np
 
 from itmo_video.colour.primaries import LUMINANCE_WEIGHTS_BT709
+from itmo_video.delivery.choices import Scale
 from itmo_video.delivery.lettering import Picture, text_mask, write
-
-Scale = Literal["stops", "nits"]
 
 LEGEND_ROWS_MIN = 24
 _DARKEST_STOP = -8

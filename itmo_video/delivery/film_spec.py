@@ -8,10 +8,9 @@ from pathlib import Path
 from typing import Literal
 
 from itmo_video.delivery import metadata
-from itmo_video.delivery.ycbcr import Chroma
+from itmo_video.delivery.choices import Chroma, Codec
 from itmo_video.errors import UsageError
 
-Codec = Literal["av1", "hevc", "prores", "prores4444", "dnxhr"]
 Signal = Literal["pq", "hlg", "sdr", "acescct", "logc3"]
 
 MASTERS: dict[str, tuple[Chroma, ...]] = {  # for grading: intraframe, fixed quality
@@ -26,9 +25,7 @@ _NAMES = {"prores": "ProRes 422 HQ", "prores4444": "ProRes 4444", "dnxhr": "DNxH
 _LEAST = {"dnxhr": (256, 120), "hevc": (16, 16), "av1": (32, 32)}
 
 MUXERS = {".mp4": "mp4", ".m4v": "mp4", ".mov": "mov", ".mkv": "matroska"}
-DEFAULT_CRF: dict[str, int] = {"av1": 25, "hevc": 18}
 HIGH_CRF: dict[str, float] = {"av1": 1, "hevc": 1}  # median error within 2 %, also in the dark
-DEFAULT_SPEED: dict[str, str] = {"av1": "5", "hevc": "fast"}
 SPEEDS: dict[str, tuple[str, ...]] = {
     "av1": tuple(map(str, range(14))),
     "hevc": (

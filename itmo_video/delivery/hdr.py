@@ -15,10 +15,10 @@ import numpy as np
 
 from itmo_video.colour.primaries import luminance_weights, rgb_to_rgb_matrix
 from itmo_video.colour.transfer import hlg_gamma, hlg_oetf, pq_code
+from itmo_video.delivery.choices import Chroma
 from itmo_video.delivery.eetf import display_factors, times_factors
 from itmo_video.delivery.half_tables import all_halves, looked_up, shaped
 from itmo_video.delivery.ycbcr import (
-    Chroma,
     Codes10,
     Planes,
     YCbCr,

@@ -5,15 +5,22 @@ from __future__ import annotations
 import dataclasses
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import Literal, get_args
 
+from itmo_video.delivery.choices import (
+    AVIF_CRF,
+    DEFAULT_CRF,
+    DEFAULT_SPEED,
+    Chroma,
+    Codec,
+    Depth,
+    Layout,
+    Scale,
+    View,
+)
 from itmo_video.errors import UsageError
 from itmo_video.options import check_options, flag_of, option
 
-View = Literal[
-    "hdr10", "hlg", "sdr", "compare", "false-colour", "ladder", "aces", "aces-hdr", "acescct",
-    "logc3",
-]  # fmt: skip
 OF_VIEW = (
     "view", "frame", "tone_map", "display_peak", "exposure", "layout", "wipe_at",
     "hdr_compare", "no_labels", "scale", "clip",
@@ -40,10 +47,7 @@ class PreviewOptions:
         "false-colour, ladder (three exposures); ACES 2.0's SDR or HDR; log for grading "
         "(hdr10; a JPEG is SDR with a gain map)",
         flag="as",
-        choices=(
-            "hdr10", "hlg", "sdr", "compare", "false-colour", "ladder", "aces", "aces-hdr",
-            "acescct", "logc3",
-        ),
+        choices=get_args(View),
     )  # fmt: skip
     frame: int | None = option(None, int, "write a still of this frame", lower=0, metavar="N")
     tone_map: str = option(
@@ -58,19 +62,19 @@ class PreviewOptions:
         0.0, float, "exposure of sdr, compare and aces, before tone mapping", lower=-20, upper=20,
         metavar="STOPS",
     )  # fmt: skip
-    layout: Literal["side", "wipe"] = option(
-        "side", str, "layout of compare: side by side, or a wipe", choices=("side", "wipe")
+    layout: Layout = option(
+        "side", str, "layout of compare: side by side, or a wipe", choices=get_args(Layout)
     )
     wipe_at: float = option(0.5, float, "position of the wipe", lower=0, upper=1, metavar="X")
     hdr_compare: bool = option(
         False, bool, "encode compare as HDR10 instead of tone-mapping it", flag="in-hdr"
     )
     no_labels: bool = option(False, bool, "no labels in compare")
-    scale: Literal["stops", "nits"] = option(
+    scale: Scale = option(
         "stops",
         str,
         "scale of false colour: half stops around SDR white, or round nits",
-        choices=("stops", "nits"),
+        choices=get_args(Scale),
     )
     clip: Path | None = option(
         None,
@@ -80,27 +84,27 @@ class PreviewOptions:
         metavar="CLIP",
     )
     no_audio: bool = option(False, bool, "no sound")
-    codec: Literal["av1", "hevc", "prores", "prores4444", "dnxhr"] = option(
+    codec: Codec = option(
         "av1", str, "codec of a film; the last three are for grading, in .mov",
-        choices=("av1", "hevc", "prores", "prores4444", "dnxhr"),
+        choices=get_args(Codec),
     )  # fmt: skip
-    chroma: Literal["420", "422", "444"] | None = option(
-        None, str, "chroma subsampling (default: by the codec)",
-        choices=("420", "422", "444"),
-    )  # fmt: skip
-    depth: Literal["8", "10"] = option(
-        "10", str, "bit depth of y4m; 8 for SDR views only", choices=("8", "10")
+    chroma: Chroma | None = option(
+        None, str, "chroma subsampling (default: by the codec)", choices=get_args(Chroma)
+    )
+    depth: Depth = option(
+        "10", str, "bit depth of y4m; 8 for SDR views only", choices=get_args(Depth)
     )
     crf: float | Literal["high"] | None = option(
         None, float,
-        "quality, 0 (best) to 63 (defaults: av1 25, hevc 18 of 51, AVIF 12), or `high`: "
-        "median error of nits within 2 %",
+        f"quality, 0 (best) to 63 (defaults: av1 {DEFAULT_CRF['av1']}, hevc {DEFAULT_CRF['hevc']} "
+        f"of 51, AVIF {AVIF_CRF}), or `high`: median error of nits within 2 %",
         lower=0, upper=63, words=("high",), metavar="Q", aliases=("quality",),
     )  # fmt: skip
     speed: str | None = option(
         None,
         str,
-        "encoder preset (av1: 0 slow to 13 fast, default 5; hevc: default fast)",
+        f"encoder preset (av1: 0 slow to 13 fast, default {DEFAULT_SPEED['av1']}; "
+        f"hevc: default {DEFAULT_SPEED['hevc']})",
         metavar="PRESET",
     )
     hdr10plus: Path | None = option(

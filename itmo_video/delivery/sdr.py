@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Callable, Sequence
-from typing import Literal
 
 import cv2
 import numpy as np
@@ -17,6 +16,7 @@ import numpy.typing as npt
 from itmo_video.colour import linear_light
 from itmo_video.colour.primaries import rgb_to_rgb_matrix
 from itmo_video.colour.transfer import BT1886_GAMMA
+from itmo_video.delivery.choices import Layout
 from itmo_video.delivery.eetf import bt2390_eetf
 from itmo_video.delivery.half_tables import all_halves
 from itmo_video.delivery.lettering import labelled
@@ -25,7 +25,6 @@ from itmo_video.operators import filmic
 from itmo_video.rendering.frame import alpha_of
 
 Picture = npt.NDArray[np.float32]
-Layout = Literal["side", "wipe"]
 
 
 def reinhard(level: Float32, peak: float) -> Float32:

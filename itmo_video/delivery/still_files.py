@@ -7,6 +7,7 @@ import numpy as np
 from itmo_video.colour.transfer import BT1886_GAMMA
 from itmo_video.delivery import hdr, sdr, stills
 from itmo_video.delivery.avif_properties import with_light
+from itmo_video.delivery.choices import AVIF_CRF
 from itmo_video.delivery.eetf import to_display
 from itmo_video.delivery.encoders import encode_avif
 from itmo_video.delivery.films import OVER_BLACK, crf_of
@@ -23,7 +24,6 @@ from itmo_video.output.gate import Gate
 
 JPEG, _TIFF = (".jpg", ".jpeg"), (".tif", ".tiff")
 STILLS = (".avif", ".png", *JPEG, *_TIFF)
-_AVIF_CRF = 12
 _NO_LIGHT = Light(0.0, 0.0)
 
 
@@ -85,7 +85,7 @@ def _hdr_still(
         )  # fmt: skip
         crf = crf_of(options)
         height, width = rgb[0].shape  # the codes are padded to even sizes
-        still = encode_avif(planes, _AVIF_CRF if crf is None else crf, signal, (width, height))
+        still = encode_avif(planes, AVIF_CRF if crf is None else crf, signal, (width, height))
         return with_light(still, stated, light) if curve == "pq" else still, light
     nits = hdr.to_nits_2020(rgb, primaries, white, pictures.peak_nits)
     nits = to_display(nits, pictures.peak_nits, options.display_peak)

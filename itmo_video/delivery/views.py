@@ -11,6 +11,7 @@ import numpy as np
 
 from itmo_video.delivery import hdr, sdr
 from itmo_video.delivery.aces import aces_hdr_nits, aces_peak, aces_sdr, require_aces
+from itmo_video.delivery.choices import Chroma
 from itmo_video.delivery.false_colour import false_colour
 from itmo_video.delivery.film_spec import Signal
 from itmo_video.delivery.hdr import Light
@@ -18,7 +19,7 @@ from itmo_video.delivery.lettering import labelled
 from itmo_video.delivery.log_curves import log_codes
 from itmo_video.delivery.pictures import Picture, Pictures
 from itmo_video.delivery.preview_options import PreviewOptions
-from itmo_video.delivery.ycbcr import Chroma, Codes10, YCbCr, to_ycbcr
+from itmo_video.delivery.ycbcr import Codes10, YCbCr, to_ycbcr
 from itmo_video.errors import UsageError
 from itmo_video.kernels.compiled_codes import Curve
 from itmo_video.model import Float32

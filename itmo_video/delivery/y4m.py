@@ -17,8 +17,9 @@ from typing import Any
 
 import numpy as np
 
+from itmo_video.delivery.choices import Chroma
 from itmo_video.delivery.hdr import Light
-from itmo_video.delivery.ycbcr import Chroma, Codes10
+from itmo_video.delivery.ycbcr import Codes10
 from itmo_video.errors import OutputError, UsageError
 from itmo_video.output.atomic import RUN_AGAIN, output_error, temp_path
 from itmo_video.output.gate import Gate

@@ -15,12 +15,12 @@ import numpy.typing as npt
 
 from itmo_video import reused_memory
 from itmo_video.colour.primaries import LUMINANCE_KR_KB
+from itmo_video.delivery.choices import Chroma
 from itmo_video.kernels import compiled_codes
 from itmo_video.kernels.compiled_codes import NOISE_TILE, ToCodes
 from itmo_video.kernels.dispatch import with_compiled_form
 from itmo_video.model import Float32
 
-Chroma = Literal["420", "422", "444"]
 Codes10: TypeAlias = npt.NDArray[np.uint16]
 YCbCr: TypeAlias = tuple[Codes10, Codes10, Codes10]
 Planes: TypeAlias = tuple[Float32, Float32, Float32]

@@ -15,7 +15,7 @@ import pytest
 from clips import moving_scene, write_ffv1
 
 from itmo_video import PreviewOptions, preview
-from itmo_video.delivery.preview_options import View
+from itmo_video.delivery.choices import View
 
 SIZE = (64, 96)
 TYPES = {".avif": "image/avif", ".png": "image/png", ".jpg": "image/jpeg", ".mp4": "video/mp4"}

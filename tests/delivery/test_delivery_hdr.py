@@ -10,7 +10,8 @@ from oracles import hlg_nits
 
 from itmo_video.colour import transfer
 from itmo_video.delivery import hdr
-from itmo_video.delivery.ycbcr import Chroma, Planes, to_ycbcr
+from itmo_video.delivery.choices import Chroma
+from itmo_video.delivery.ycbcr import Planes, to_ycbcr
 from itmo_video.kernels import library
 
 with warnings.catch_warnings():  # it tells of every optional library that it misses

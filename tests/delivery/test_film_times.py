@@ -14,7 +14,8 @@ from av.stream import Stream
 from clips import moving_scene, write_film
 
 from itmo_video import make_settings
-from itmo_video.delivery.film_spec import Codec, FilmSpec
+from itmo_video.delivery.choices import Codec
+from itmo_video.delivery.film_spec import FilmSpec
 from itmo_video.delivery.film_writer import FilmWriter
 from itmo_video.delivery.preview import preview
 from itmo_video.delivery.preview_options import PreviewOptions

@@ -18,8 +18,9 @@ import pytest
 from piping import COUNT, KINDS, piped
 
 from itmo_video import convert, make_settings, read_exr
+from itmo_video.delivery.choices import View
 from itmo_video.delivery.preview import preview
-from itmo_video.delivery.preview_options import PreviewOptions, View
+from itmo_video.delivery.preview_options import PreviewOptions
 from itmo_video.delivery.y4m import Y4mSpec
 
 

@@ -18,9 +18,10 @@ from itmo_video import convert, make_settings, read_exr
 from itmo_video.cli.main import main
 from itmo_video.colour import chroma, primaries, transfer
 from itmo_video.delivery import hdr, metadata
-from itmo_video.delivery.film_spec import HIGH_CRF, Codec
+from itmo_video.delivery.choices import Codec, View
+from itmo_video.delivery.film_spec import HIGH_CRF
 from itmo_video.delivery.preview import PreviewSummary, preview
-from itmo_video.delivery.preview_options import PreviewOptions, View
+from itmo_video.delivery.preview_options import PreviewOptions
 from itmo_video.model import Float64
 
 PEAK = 1000.0

@@ -15,8 +15,9 @@ import pytest
 from itmo_video.colour import transfer
 from itmo_video.colour.primaries import luminance_weights, rgb_to_rgb_matrix
 from itmo_video.delivery import hdr
+from itmo_video.delivery.choices import Chroma
 from itmo_video.delivery.eetf import bt2390_eetf
-from itmo_video.delivery.ycbcr import Chroma, codes_form, dither_noise, to_ycbcr
+from itmo_video.delivery.ycbcr import codes_form, dither_noise, to_ycbcr
 from itmo_video.kernels import library
 from itmo_video.kernels.compiled_codes import NOISE_TILE, Curve
 
