@@ -19,10 +19,12 @@ LAYERS = ("expand_map", "clip_mask", "gain")
 _TIMECODE = re.compile(r"([01]\d|2[0-3]):[0-5]\d:[0-5]\d[:;][0-5]\d")
 OUTPUT_PRIMARIES = ("rec709", "rec2020", "acescg", "aces2065-1")
 
+OF_FILE = ("primaries", "compression", "layers", "owner", "comments", "timecode")
+"""Settings of a frame's file."""
+
 OF_CLIP = (
     "white_nits", "projection", "transfer", "matrix", "range", "deinterlace", "fps", "force_sdr",
-    "stream", "raw",
-    "primaries", "compression", "layers", "owner", "comments", "timecode",
+    "stream", "raw", *OF_FILE,
 )  # fmt: skip
 """Settings of a whole clip: how it is read, and how files are written; all others are the look,
 which can be set per shot."""

@@ -11,9 +11,9 @@ from pathlib import Path
 from itmo_video.delivery.preview_options import PreviewOptions
 from itmo_video.delivery.still_files import JPEG, STILLS
 from itmo_video.options import flag_of
-from itmo_video.settings import Settings
+from itmo_video.settings import OF_FILE, Settings
 
-_OF_EXR = ("comments", "compression", "layers", "owner", "timecode")  # settings
+_OF_EXR = sorted({*OF_FILE} - {"primaries"})  # settings; primaries limit a preview's colours, too
 
 
 def idle_options(

@@ -6,13 +6,11 @@ import dataclasses
 import json
 
 from itmo_video.look import Look
+from itmo_video.settings import OF_FILE
 
 # These apply after any map. A setting not named here counts as one that the map depends on: then
 # maps are recomputed needlessly, but a wrong one is never shown.
-AFTER_THE_MAP = frozenset(
-    {"strength", "hue", "over_white", "edge_aware", "noise_guard", "primaries", "compression",
-     "layers", "owner", "comments", "timecode"}
-)  # fmt: skip
+AFTER_THE_MAP = frozenset({"strength", "hue", "over_white", "edge_aware", "noise_guard", *OF_FILE})
 # The paper's Expand Map does not depend on the curve that it weights.
 OF_THE_CURVE = frozenset(
     {"operator", "l_max", "peak_nits", "white_nits", "l_white", "alpha", "operator_params"}

@@ -8,7 +8,7 @@ from typing import Any
 from itmo_video.operators import OPERATORS
 from itmo_video.options import flag_of, spec_of
 from itmo_video.presets import load_preset, preset_names, read_preset
-from itmo_video.settings import LOOK, Settings
+from itmo_video.settings import LOOK, OF_FILE, Settings
 from itmo_video.studio import variants
 from itmo_video.studio.document import OF_OPENING
 
@@ -20,7 +20,7 @@ GROUPS: dict[str, tuple[str, ...]] = {
                    "noise_guard", "map_width"),
     "Over time": ("temporal", "key_interval", "smooth_keys"),
     "Source": ("transfer", "matrix", "range", "over_white", "projection", "force_sdr"),
-    "File": ("primaries", "compression", "layers", "owner", "comments", "timecode"),
+    "File": OF_FILE,
 }  # fmt: skip
 
 

@@ -11,7 +11,8 @@ from itmo_video.errors import UsageError
 from itmo_video.operators import OPERATORS
 from itmo_video.options import Spec, flag_name, spec_of
 from itmo_video.presets import preset_names, read_preset
-from itmo_video.settings import Settings
+from itmo_video.settings import OF_FILE, Settings
+from itmo_video.studio.document import OF_OPENING
 
 COUNT = 6
 PRESETS = "presets"
@@ -21,8 +22,7 @@ USUAL: dict[str, tuple[float, float]] = {
     "alpha": (0.05, 2), "radius": (4, 64), "min_lights": (0, 16), "map_width": (128, 1024),
     "lights": (64, 4096), "key_interval": (1, 24),
 }  # fmt: skip
-_OF_THE_FILE = ("primaries", "compression", "layers", "owner", "comments", "timecode")
-_OF_READING = ("fps", "stream", "raw", "deinterlace", "force_sdr")
+_OF_READING = (*OF_OPENING, "force_sdr")
 
 
 @dataclass(frozen=True)
@@ -44,7 +44,7 @@ def varied() -> list[str]:
     names = [
         f.name
         for f in dataclasses.fields(Settings)
-        if f.name not in (*_OF_THE_FILE, *_OF_READING)
+        if f.name not in (*OF_FILE, *_OF_READING)
         and (spec_of(f).kind in (int, float, bool) or _choices(f.name, spec_of(f)))
     ]
     return [PRESETS, *names]
