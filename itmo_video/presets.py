@@ -13,6 +13,7 @@ from itmo_video.options import flag_name, flag_of, spec_of
 from itmo_video.settings import LOOK, OF_CLIP, Settings, settings_from
 from itmo_video.untrusted import read_toml
 
+_MAXIMA = {"l_max": "peak_nits", "peak_nits": "l_max"}  # the one set last applies
 _OF_OPERATOR = ("strength", "l_white", "alpha", "operator_params")
 
 
@@ -45,15 +46,17 @@ def overriding(values: Mapping[str, Any], later: Mapping[str, Any]) -> dict[str,
     former one.
     """
     _require_one_maximum(later)
-    held = dict(values)
+    held = values
     if "operator" in held and later.get("operator", held["operator"]) != held["operator"]:
         # Settings for its own operator would harm another one.
         held = {name: value for name, value in held.items() if name not in _OF_OPERATOR}
-    if "peak_nits" in later:
-        held.pop("l_max", None)
-    if "l_max" in later:
-        held.pop("peak_nits", None)
-    return held | dict(later)
+    return without_replaced_maximum(held, later) | dict(later)
+
+
+def without_replaced_maximum(values: Mapping[str, Any], later: Mapping[str, Any]) -> dict[str, Any]:
+    """`values` without the l_max that a later peak_nits replaces, and the other way round."""
+    replaced = {_MAXIMA[name] for name in later if name in _MAXIMA}
+    return {name: value for name, value in values.items() if name not in replaced}
 
 
 def as_settings(settings: Settings | str | None) -> Settings:
@@ -87,9 +90,7 @@ def with_own(base: Settings, own: Mapping[str, Any]) -> Settings:
     preset, asked = base.asked or (None, _asked_for(base))
     if "preset" in own:
         preset = load_preset(own["preset"])
-    for said, replaced in (("l_max", "peak_nits"), ("peak_nits", "l_max")):
-        if said in values:
-            asked = {name: value for name, value in asked.items() if name != replaced}
+    asked = without_replaced_maximum(asked, values)
     together = {**asked, **{name: getattr(base, name) for name in OF_CLIP}, **values}
     return settings_from(together) if preset is None else made_of(preset, together)
 

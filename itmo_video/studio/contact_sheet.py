@@ -18,7 +18,7 @@ from itmo_video.errors import ItmoError, UsageError
 from itmo_video.events import OnEvent, Warned, ignore
 from itmo_video.look import make_look
 from itmo_video.output.gate import PAGE, PAGE_MARK, STILL, Gate
-from itmo_video.presets import make_settings
+from itmo_video.presets import make_settings, without_replaced_maximum
 from itmo_video.settings import Settings
 from itmo_video.source.clip import first_number
 from itmo_video.source.opening import input_files, input_options
@@ -88,10 +88,7 @@ def contact_sheet(
 def _settings(variant: Variant, preset: str, changed: dict[str, Any]) -> Settings:
     if variant.preset is not None:
         return make_settings(variant.preset, **changed)
-    values = {**changed, **variant.values}
-    for one, other in (("l_max", "peak_nits"), ("peak_nits", "l_max")):
-        if one in variant.values:
-            values.pop(other, None)
+    values = {**without_replaced_maximum(changed, variant.values), **variant.values}
     try:
         return make_settings(preset, **values)
     except ItmoError as error:

@@ -15,13 +15,18 @@ from itmo_video.errors import UsageError
 from itmo_video.look import Look, make_look
 from itmo_video.model import ClipInfo
 from itmo_video.options import flag_name
-from itmo_video.presets import check_own, load_preset, made_of, preset_names
+from itmo_video.presets import (
+    check_own,
+    load_preset,
+    made_of,
+    preset_names,
+    without_replaced_maximum,
+)
 from itmo_video.settings import Settings
 
 STEPS = 200  # of undo
 # These change the set of frames, which the timeline of an open clip cannot follow.
 OF_OPENING = ("fps", "deinterlace", "stream", "raw")
-_MAXIMA = ("l_max", "peak_nits")
 _UNREAD: Mapping[str, Any] = MappingProxyType({})
 
 
@@ -188,16 +193,9 @@ def enable(document: Document, shot: int, on: bool) -> Document:
 
 
 def _merged(before: Mapping[str, Any], values: Mapping[str, Any]) -> dict[str, Any]:
-    after = dict(before)
-    for name, value in values.items():
-        after.pop(name, None)
-        if value is not None:
-            after[name] = value
-            # The peak can be given in two ways; the one set last applies.
-            for other in _MAXIMA:
-                if name in _MAXIMA and other != name and other not in values:
-                    after.pop(other, None)
-    return after
+    given = {name: value for name, value in values.items() if value is not None}
+    kept = without_replaced_maximum(before, given)
+    return {name: value for name, value in kept.items() if name not in values} | given
 
 
 def _known(shots: Sequence[Shot], shot: int) -> None:
