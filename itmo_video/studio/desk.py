@@ -21,14 +21,13 @@ from itmo_video.source.opening import input_files, input_options
 from itmo_video.studio import document as documents
 from itmo_video.studio.document import Document, History
 from itmo_video.studio.latest import Latest, Stale
-from itmo_video.studio.running import Runner
+from itmo_video.studio.running import RENDERS_AGAIN, Runner
 from itmo_video.studio.saving import Saver, command, is_as_read
 from itmo_video.studio.session import PARTS, SCALES, Part, Session, Shown, StaleError
 
 LANES = ("a", "b", "sdr", "layer", "lights", "still", "try", "play")
 SLOTS = ("a", "b")
 RENDERS = {"convert": "", "preview": ".mp4"}
-AGAIN = {"convert": "--update", "preview": "--overwrite"}
 
 
 class Desk:
@@ -253,7 +252,7 @@ class Desk:
                 arguments += ["--analysis", str(private.save("shots", f"s{serial}", now, True))]
             arguments += ["--start-number", str(self.first_number)]
             arguments += ["--max-pixels", str(self._run.max_pixels)]
-            arguments += [AGAIN[kind]] if again else []
+            arguments += [RENDERS_AGAIN[kind]] if again else []
         self.runner.start(kind, arguments, output)
         return output
 

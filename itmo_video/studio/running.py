@@ -17,6 +17,7 @@ from typing import Any, Literal
 from itmo_video.errors import UsageError
 
 State = Literal["none", "running", "done", "failed", "cancelled"]
+RENDERS_AGAIN = {"convert": "--update", "preview": "--overwrite"}  # what exists, by command
 _PATIENCE_S = 20  # for a command that was asked to stop
 
 
@@ -115,10 +116,9 @@ class Runner:
 
 def for_page(lines: Sequence[str], kind: str) -> list[str]:
     """What a command said, with remedies that can be had on the page in place of flags."""
-    may_render_again = "--update" if kind == "convert" else "--overwrite"
     again = "Tick “Re-render what exists”, or choose another name."
     return [
-        again if may_render_again in line
+        again if RENDERS_AGAIN[kind] in line
         else "Choose another name." if "--overwrite" in line
         else line
         for line in lines
