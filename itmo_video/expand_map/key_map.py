@@ -36,10 +36,8 @@ def _map_of_light(frame: Frame, size: tuple[int, int], look: Look) -> Float32:
     luminance = frame_luminance(frame)
     context = context_of(luminance, look)
     luminance = _at_size(luminance, width, height)
-    row_weight, wraps = None, settings.projection == "latlong"
-    if wraps:
-        row_weight = np.cos(((np.arange(height) + 0.5) / height - 0.5) * np.pi)
-    inner = _inner(luminance, wraps)
+    wraps = settings.projection == "latlong"
+    row_weight, inner = _row_weight(height, wraps), _inner(luminance, wraps)
 
     def density(picture: Float32) -> Float32:
         return _density(picture, row_weight, settings)
@@ -70,6 +68,11 @@ def _map_of_rgb(frame: Frame, size: tuple[int, int], look: Look, recall: Recall)
     return key_map
 
 
+def _row_weight(height: int, wraps: bool) -> Float64 | None:
+    """The solid angle of a panorama's rows, relative to the equator's; None for flat pictures."""
+    return np.cos(((np.arange(height) + 0.5) / height - 0.5) * np.pi) if wraps else None
+
+
 def _inner(luminance: Float32, wraps: bool) -> tuple[slice, slice]:
     """The rows and columns inside black bars; panoramas have no bars."""
     height, width = luminance.shape
@@ -86,16 +89,12 @@ def key_lights(frame: Frame, settings: Settings) -> list[tuple[float, float]]:
     """
     width, height = analysis_size(*frame.size, settings.map_width)
     luminance = _at_size(frame_luminance(frame), width, height)
-    row_weight, left, top = None, 0, 0
-    if settings.projection == "latlong":
-        row_weight = np.cos(((np.arange(height) + 0.5) / height - 0.5) * np.pi)
-    else:
-        edge = find_bars(luminance)
-        left, top = edge.left, edge.top
-        luminance = luminance[top : height - edge.bottom, left : width - edge.right]
-    lights = median_cut(np.ascontiguousarray(luminance), settings.lights, row_weight)
+    wraps = settings.projection == "latlong"
+    rows, columns = _inner(luminance, wraps)
+    picture = np.ascontiguousarray(luminance[rows, columns])
+    lights = median_cut(picture, settings.lights, _row_weight(height, wraps))
     return [
-        ((float(x) + left + 0.5) / width, (float(y) + top + 0.5) / height)
+        ((float(x) + columns.start + 0.5) / width, (float(y) + rows.start + 0.5) / height)
         for x, y in zip(lights.x, lights.y, strict=True)
     ]
 
