@@ -8,7 +8,6 @@ from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
 
-import cv2
 import numpy as np
 import numpy.typing as npt
 
@@ -16,15 +15,17 @@ from itmo_video.analysis.edit_lists import read_edit
 from itmo_video.analysis.lamps import lamps_count
 from itmo_video.analysis.model import Analysis, Bars, Shot, Statistics
 from itmo_video.analysis.suggestions import suggestions
-from itmo_video.colour import linear_light
-from itmo_video.colour.analysis_picture import analysis_size
 from itmo_video.colour.luminance import limited_luminance
 from itmo_video.colour.transfer import BT1886_GAMMA
 from itmo_video.errors import DamagedInputError, InputError, ReplacedInputError, UsageError
 from itmo_video.events import FrameDone, OnEvent, Warned, ignore
 from itmo_video.model import ClipInfo, Frame
 from itmo_video.motion.cut_detection import CUT_REACH, Analysed, analyse_frame, difference, place
-from itmo_video.operators.auto_rendering import Rendering, rendering_of
+from itmo_video.operators.auto_rendering import (
+    Rendering,
+    averaged_codes_linear,
+    rendering_of,
+)
 from itmo_video.options import checked_path
 from itmo_video.presets import as_settings
 from itmo_video.settings import Settings
@@ -251,13 +252,9 @@ def _looked_at(
 def _tally(frame: Frame, map_width: int) -> _Tally:
     tally = _Tally()
     tally.frames = 1
-    size = analysis_size(*frame.size, map_width)
-    planes = tuple(cv2.resize(p, size, interpolation=cv2.INTER_AREA) for p in frame.planes)
-    small = replace(frame, planes=planes)
-    planes_linear = linear_light.to_rgb_linear(small, clip=True)
-    luminance = limited_luminance(planes_linear)
-    found = rendering_of(np.clip(np.dstack(list(planes_linear)), 0, 1))
-    tally.rendering[:] = found.measures
+    rgb_linear = averaged_codes_linear(frame, map_width)
+    luminance = limited_luminance(rgb_linear)
+    tally.rendering[:] = rendering_of(np.clip(np.dstack(rgb_linear), 0, 1)).measures
     bins = np.minimum(luminance ** (1 / BT1886_GAMMA) * _BINS, _BINS - 1).astype(np.int64)
     tally.histogram = np.bincount(bins.ravel(), minlength=_BINS)
     tally.total, tally.maximum = float(luminance.mean(dtype=np.float64)), float(luminance.max())

@@ -155,10 +155,15 @@ def _quantiles(values: Float32, shares: Sequence[float]) -> list[float]:
 
 def rendering_of_frame(frame: Frame, map_width: int, footage: str = "auto") -> Rendering:
     """Measure a frame's rendering from its codes, area-averaged to analysis size."""
+    planes = averaged_codes_linear(frame, map_width)
+    return rendering_of(np.clip(np.dstack(planes), 0, 1), footage)
+
+
+def averaged_codes_linear(frame: Frame, map_width: int) -> linear_light.Planes:
+    """Linear R, G, B, clipped, of codes area-averaged to analysis size: float32 (H, W) each."""
     size = analysis_size(*frame.size, map_width)
     planes = tuple(cv2.resize(p, size, interpolation=cv2.INTER_AREA) for p in frame.planes)
-    linear = linear_light.to_rgb_linear(replace(frame, planes=planes), clip=True)
-    return rendering_of(np.clip(np.dstack(list(linear)), 0, 1), footage)
+    return linear_light.to_rgb_linear(replace(frame, planes=planes), clip=True)
 
 
 def mean_rendering(renderings: Sequence[Rendering], footage: str = "auto") -> Rendering:
