@@ -25,7 +25,7 @@ from itmo_video.compressions import COMPRESSIONS, WRITTEN
 from itmo_video.errors import InputError
 from itmo_video.model import Float32, Half
 from itmo_video.output.atomic import write_parts, write_whole
-from itmo_video.output.exr_chunks import DamageError, check_chunks, with_window
+from itmo_video.output.exr_chunks import ExrDamageError, check_chunks, with_window
 from itmo_video.output.exr_claims import MOST_PIXEL_BYTES, check_claims
 from itmo_video.output.exr_scanlines import scanline_file
 from itmo_video.output.exr_windows import in_display_window, is_multi_part, part_index
@@ -168,7 +168,7 @@ def read_exr(path: StrPath, part: str | None = None) -> ExrImage:
     except InputError:
         raise
     except Exception as error:  # its bindings raise anything for a bad header, even TypeError
-        reason = str(error) if isinstance(error, DamageError) else "its pixels cannot be decoded"
+        reason = str(error) if isinstance(error, ExrDamageError) else "its pixels cannot be decoded"
         raise InputError(
             f"not an intact EXR file: {reason}",
             where=os.fspath(path),

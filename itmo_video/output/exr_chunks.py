@@ -11,14 +11,14 @@ _MOST_CHANNELS = 256
 _PLAIN_FLAGS = 0x2 | 0x400  # version 2, scan lines in one part, perhaps with long names
 
 
-class DamageError(Exception):
+class ExrDamageError(Exception):
     """Damage in a file; the message describes it."""
 
 
 def parse_header(data: bytes, position: int = 8) -> tuple[dict[str, tuple[str, bytes]], int]:
     """The attributes of a part, as (type, value) by name, and the end of its header."""
     if data[:4] != b"\x76\x2f\x31\x01":
-        raise DamageError("empty" if not data else "not an EXR file")
+        raise ExrDamageError("empty" if not data else "not an EXR file")
     attributes: dict[str, tuple[str, bytes]] = {}
     try:
         while data[position] != 0:
@@ -27,12 +27,12 @@ def parse_header(data: bytes, position: int = 8) -> tuple[dict[str, tuple[str, b
             start = type_end + 5
             (size,) = struct.unpack_from("<i", data, type_end + 1)
             if not 0 <= size <= len(data) - start:
-                raise DamageError("truncated in the header")
+                raise ExrDamageError("truncated in the header")
             name, kind = data[position:name_end], data[name_end + 1 : type_end]
             attributes[name.decode("latin-1")] = kind.decode("latin-1"), data[start : start + size]
             position = start + size
     except (IndexError, ValueError, struct.error) as error:
-        raise DamageError("truncated in the header") from error
+        raise ExrDamageError("truncated in the header") from error
     return attributes, position + 1
 
 
@@ -59,7 +59,7 @@ def check_chunks(data: bytes) -> None:
         method = attributes["compression"][1][0]
         left, top, right, bottom = struct.unpack("<4i", attributes["dataWindow"][1])
     except (KeyError, IndexError, struct.error) as error:
-        raise DamageError("the header is incomplete") from error
+        raise ExrDamageError("the header is incomplete") from error
     lines = CHUNK_LINES.get(method, 0)
     if flags & ~_PLAIN_FLAGS or not lines:
         return
@@ -68,17 +68,17 @@ def check_chunks(data: bytes) -> None:
     is_whole = b"\x01\0\0\0\x01\0\0\0" in attributes["channels"][1]  # not subsampled
     first = table + 8 * count
     if count < 1 or first > len(data):
-        raise DamageError("truncated")
+        raise ExrDamageError("truncated")
     for index, offset in enumerate(struct.unpack_from(f"<{count}Q", data, table)):
         if not first <= offset <= len(data) - 8:
-            raise DamageError(f"truncated at line {index * lines}")
+            raise ExrDamageError(f"truncated at line {index * lines}")
         y, size = struct.unpack_from("<ii", data, offset)
         if y != top + index * lines or not 0 < size <= len(data) - 8 - offset:
-            raise DamageError(f"truncated or damaged at line {index * lines}")
+            raise ExrDamageError(f"truncated or damaged at line {index * lines}")
         # Data that compression does not shrink is stored raw; OpenEXR does not check raw chunks.
         plain = line_bytes * min(lines, bottom - top + 1 - index * lines)
         if size > plain or (method == 0 and size != plain and is_whole):
-            raise DamageError(f"damaged at line {index * lines}")
+            raise ExrDamageError(f"damaged at line {index * lines}")
 
 
 def bytes_a_pixel(attributes: dict[str, tuple[str, bytes]]) -> int:
@@ -93,14 +93,14 @@ def bytes_a_pixel(attributes: dict[str, tuple[str, bytes]]) -> int:
             position = end + 1
             # The format requires rising order; DWA's decoder crashes otherwise.
             if name <= before or not name.isascii() or not name.decode().isprintable():
-                raise DamageError("its list of channels is damaged")
+                raise ExrDamageError("its list of channels is damaged")
             kind, _, *sampling = struct.unpack_from("<4i", value, position)
             if not (0 <= kind < len(_SAMPLE_BYTES) and all(1 <= n <= 16 for n in sampling)):
-                raise DamageError("its list of channels is damaged")
+                raise ExrDamageError("its list of channels is damaged")
             total += _SAMPLE_BYTES[kind]
             position, count = position + 16, count + 1
     except (IndexError, ValueError, struct.error) as error:
-        raise DamageError("its list of channels is damaged") from error
+        raise ExrDamageError("its list of channels is damaged") from error
     if not 1 <= count <= _MOST_CHANNELS:
-        raise DamageError(f"it has {count} channels")
+        raise ExrDamageError(f"it has {count} channels")
     return total

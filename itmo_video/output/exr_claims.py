@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import struct
 
-from itmo_video.output.exr_chunks import DamageError, bytes_a_pixel
+from itmo_video.output.exr_chunks import ExrDamageError, bytes_a_pixel
 from itmo_video.output.exr_windows import headers
 
 MOST_PIXEL_BYTES = 5 << 28  # 2**27 pixels of RGBA in half floats, and a quarter more
@@ -23,12 +23,12 @@ _DEEP = 0x800  # of the version field
 
 
 def check_claims(data: bytes) -> None:
-    """Raise DamageError for an implausible header, or one whose pixels take too much memory.
+    """Raise ExrDamageError for an implausible header, or one whose pixels take too much memory.
 
     All parts of a multi-part file are checked.
     """
     if data[4:8] and int.from_bytes(data[4:8], "little") & _DEEP:
-        raise DamageError("deep images, with several samples per pixel, are not supported")
+        raise ExrDamageError("deep images, with several samples per pixel, are not supported")
     for attributes in headers(data):
         _check_part(attributes)
 
@@ -36,35 +36,37 @@ def check_claims(data: bytes) -> None:
 def _check_part(attributes: dict[str, tuple[str, bytes]]) -> None:
     for name, kind in _REQUIRED.items():
         if attributes.get(name, ("", b""))[0] != kind:
-            raise DamageError(f"the header is incomplete: {name} is missing")
+            raise ExrDamageError(f"the header is incomplete: {name} is missing")
     for name, (kind, value) in attributes.items():
         if len(value) != _BYTES_OF.get(kind, len(value)):
-            raise DamageError(f"attribute {name[:40]!r} has {len(value)} bytes, invalid for {kind}")
+            raise ExrDamageError(
+                f"attribute {name[:40]!r} has {len(value)} bytes, invalid for {kind}"
+            )
     width, height = _window(attributes["dataWindow"][1])
     shown = _window(attributes["displayWindow"][1])
     pixel_bytes = bytes_a_pixel(attributes)
     if shown[0] * shown[1] * pixel_bytes > MOST_PIXEL_BYTES:
-        raise DamageError(f"the display window is implausible: {shown[0]}x{shown[1]} pixels")
+        raise ExrDamageError(f"the display window is implausible: {shown[0]}x{shown[1]} pixels")
     if (tiles := attributes.get("tiles", ("", b""))[1]) and (
         len(tiles) != 9
         or not 0 < pixel_bytes * int.from_bytes(tiles[:4], "little")
         * int.from_bytes(tiles[4:8], "little") <= _MOST_TILE_BYTES
     ):  # fmt: skip
-        raise DamageError("the tile size is implausible")
+        raise ExrDamageError("the tile size is implausible")
     if (needed := width * height * pixel_bytes) > MOST_PIXEL_BYTES:
-        raise DamageError(
+        raise ExrDamageError(
             f"{width}x{height} pixels would take {needed / 2**30:.1f} GB"
             f" (limit {MOST_PIXEL_BYTES / 2**30:g} GB)"
         )
     for name, (kind, value) in attributes.items():
         if kind == "rational" and value[4:] == b"\0\0\0\0":
-            raise DamageError(f"attribute {name} is not a number")
+            raise ExrDamageError(f"attribute {name} is not a number")
 
 
 def _window(value: bytes) -> tuple[int, int]:
     if len(value) != 16:
-        raise DamageError("the header is incomplete")
+        raise ExrDamageError("the header is incomplete")
     left, top, right, bottom = struct.unpack("<4i", value)
     if right < left or bottom < top:
-        raise DamageError("the picture has no pixels")
+        raise ExrDamageError("the picture has no pixels")
     return right - left + 1, bottom - top + 1

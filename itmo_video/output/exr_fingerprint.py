@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from itmo_video.errors import InputError
-from itmo_video.output.exr_chunks import DamageError, parse_header
+from itmo_video.output.exr_chunks import ExrDamageError, parse_header
 from itmo_video.regular_file import StrPath, read_head
 
 _HEADER_BYTES = 1 << 18  # ours has a few kilobytes, apart from long comments
@@ -16,7 +16,7 @@ def stated_fingerprint(path: StrPath) -> str | None:
     """
     try:
         attributes, _ = parse_header(read_head(path, _HEADER_BYTES))
-    except (InputError, DamageError):
+    except (InputError, ExrDamageError):
         return None
     kind, value = attributes.get("itmoFingerprint", ("", b""))
     return value.decode("ascii", "replace") if kind == "string" else ""

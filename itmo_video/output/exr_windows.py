@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from itmo_video.errors import InputError
-from itmo_video.output.exr_chunks import DamageError, parse_header
+from itmo_video.output.exr_chunks import ExrDamageError, parse_header
 
 _MOST_PARTS = 256
 _MULTI_PART = 0x1000  # of the version field
@@ -38,7 +38,7 @@ def is_multi_part(data: bytes) -> bool:
 
 
 def headers(data: bytes) -> Iterator[dict[str, tuple[str, bytes]]]:
-    """Each part's attributes, as (type, value) by name; raises DamageError."""
+    """Each part's attributes, as (type, value) by name; raises ExrDamageError."""
     attributes, end = parse_header(data)
     yield attributes
     if not is_multi_part(data):
@@ -48,13 +48,13 @@ def headers(data: bytes) -> Iterator[dict[str, tuple[str, bytes]]]:
             return
         attributes, end = parse_header(data, end)
         yield attributes
-    raise DamageError(f"it has more than {_MOST_PARTS} parts")
+    raise ExrDamageError(f"it has more than {_MOST_PARTS} parts")
 
 
 def part_index(parts: Sequence[Any], wanted: str | None, where: str) -> int:
     """The index of a part: by name, by number, or the first with R, G and B."""
     if not parts:
-        raise DamageError("it has no readable part")
+        raise ExrDamageError("it has no readable part")
     names = [str(part.header.get("name", number)) for number, part in enumerate(parts)]
     if wanted is None:
         pictures = [n for n, part in enumerate(parts) if {"R", "G", "B"} <= set(part.channels)]
