@@ -33,11 +33,12 @@ from itmo_video.delivery.views import (
     shown_peak,
     signal_of,
 )
-from itmo_video.delivery.y4m import ReaderLeftError, Y4mSpec, Y4mWriter, is_stream_output
+from itmo_video.delivery.y4m import ReaderLeftError, Y4mSpec, Y4mWriter
 from itmo_video.errors import DamagedInputError, UsageError
 from itmo_video.events import FrameDone, OnEvent, Warned
 from itmo_video.output.gate import Gate
 from itmo_video.source.opening import is_film
+from itmo_video.source.pipe import is_pipe
 from itmo_video.words import counted
 
 Y4M_SUFFIX = ".y4m"
@@ -52,7 +53,7 @@ _ONE_RATE = (
 
 def is_y4m(output: Path) -> bool:
     """Whether a film is written as Y4M: to standard output, a FIFO, or by its name."""
-    return output.suffix.lower() == Y4M_SUFFIX or is_stream_output(output)
+    return output.suffix.lower() == Y4M_SUFFIX or is_pipe(output)
 
 
 def write_film(

@@ -18,7 +18,6 @@ from itmo_video.delivery.idle_options import idle_options
 from itmo_video.delivery.preview_options import PreviewOptions
 from itmo_video.delivery.still_files import JPEG, STILLS, check_still_options, write_still
 from itmo_video.delivery.views import check_view
-from itmo_video.delivery.y4m import is_stream_output
 from itmo_video.errors import DamagedInputError, UsageError
 from itmo_video.events import Finished, OnEvent, Started, Warned, ignore
 from itmo_video.options import checked, checked_path
@@ -76,7 +75,7 @@ def preview(
     _check(output, options)
     if options.frame is not None:
         run = replace(run, frames=str(options.frame))
-    gate = None if is_stream_output(output) else _gate(source, output, options, run)
+    gate = None if is_pipe(output) else _gate(source, output, options, run)
     if gate is not None:
         gate.check()
     used: Settings | None = None

@@ -7,7 +7,6 @@ chroma (mjpegtools' Y4M; X tags as in FFmpeg).
 from __future__ import annotations
 
 import os
-import stat
 import sys
 from contextlib import suppress
 from dataclasses import dataclass
@@ -61,16 +60,6 @@ class Y4mSpec:
         kind = np.uint8 if self.bit_depth == 8 else np.dtype("<u2")
         laid_out: list[Any] = [np.ascontiguousarray(plane, kind) for plane in planes]
         return [memoryview(b"FRAME\n"), *(memoryview(plane).cast("B") for plane in laid_out)]
-
-
-def is_stream_output(path: Path) -> bool:
-    """Whether the output is a stream: standard output ("-") or a FIFO."""
-    if os.fspath(path) == STANDARD_OUTPUT:
-        return True
-    try:
-        return stat.S_ISFIFO(os.stat(path).st_mode)
-    except (OSError, ValueError):
-        return False
 
 
 class Y4mWriter:

@@ -47,12 +47,12 @@ _REMEDY = (
 )
 
 
-def is_pipe(source: str | os.PathLike[str]) -> bool:
-    """Whether a source is standard input ("-") or a FIFO, such as a shell's <(command)."""
-    if os.fspath(source) == STANDARD_INPUT:
+def is_pipe(path: str | os.PathLike[str]) -> bool:
+    """Whether it is standard input or output ("-") or a FIFO, such as a shell's <(command)."""
+    if os.fspath(path) == STANDARD_INPUT:
         return True
     try:
-        return stat.S_ISFIFO(os.stat(source).st_mode)
+        return stat.S_ISFIFO(os.stat(path).st_mode)
     except (OSError, ValueError):
         return False
 
