@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from fractions import Fraction
 
-from itmo_video.source import avif, gif_canvas, png_chunks
+from itmo_video.source import avif, png_chunks
 from itmo_video.source.damage import DamageError
+from itmo_video.source.gif_areas import read_areas
+from itmo_video.source.gif_canvas import needs_alpha
 from itmo_video.source.still_formats import StillFormat
 
 _SHORTEST_S, _INSTEAD_S = Fraction(1, 100), Fraction(1, 10)  # as browsers treat GIF and WebP
@@ -66,52 +67,11 @@ def _webp(data: bytes) -> Timing:
 
 
 def _gif(data: bytes) -> Timing:
-    lengths: list[Fraction] = []
-    needs_alpha, damage = False, "truncated: the last block is missing"
-    delay, disposal, has_clear = Fraction(0), 0, False
-    for kind, body in _gif_blocks(data):
-        if kind == 0x3B:
-            damage = ""
-            break
-        if kind == 0xF9 and len(body) >= 4:
-            delay = Fraction(int.from_bytes(body[1:3], "little"), 100)
-            disposal, has_clear = body[0] >> 2 & 7, bool(body[0] & 1)
-        elif kind == 0x2C:
-            lengths.append(delay)
-            needs_alpha = needs_alpha or (disposal == 2 and has_clear)
-            delay, disposal, has_clear = Fraction(0), 0, False
+    areas, has_end = read_areas(data)
+    lengths = [area.delay_s for area in areas if area.is_whole]
     shown, is_changed = _shown(lengths)
-    needs_alpha = needs_alpha or gif_canvas.uncovers(data)
-    return Timing(shown, len(lengths), damage or None, needs_alpha, is_changed)
-
-
-def _gif_blocks(data: bytes) -> Iterator[tuple[int, bytes]]:
-    """Extensions (by label, first sub-block), images (0x2C) and the trailer (GIF89a, 12 to 27)."""
-    at = 13 + (3 << (data[10] & 7) + 1 if len(data) > 10 and data[10] & 0x80 else 0)
-    while at < len(data):
-        kind = data[at]
-        if kind == 0x3B:
-            yield kind, b""
-            return
-        if kind == 0x2C:
-            if at + 10 > len(data):
-                return
-            flags = data[at + 9]
-            body_at = at + 11 + (3 << (flags & 7) + 1 if flags & 0x80 else 0)
-            label = kind
-        elif kind == 0x21:
-            body_at, label = at + 2, data[at + 1] if at + 1 < len(data) else 0
-        else:
-            at += 1  # padding between blocks, which some writers leave
-            continue
-        first = data[body_at + 1 : body_at + 1 + data[body_at]] if body_at < len(data) else b""
-        at = body_at
-        while at < len(data) and data[at]:
-            at += data[at] + 1
-        if at >= len(data):
-            return
-        at += 1
-        yield label, first
+    damage = None if has_end else "truncated: the last block is missing"
+    return Timing(shown, len(lengths), damage, needs_alpha(areas), is_changed)
 
 
 def _apng(data: bytes) -> Timing:
