@@ -1,4 +1,4 @@
-"""The four events that a command reports while it runs; each is a line of `--json`."""
+"""The events that a command reports while it runs; each is a line of `--json`."""
 
 from __future__ import annotations
 
@@ -61,6 +61,20 @@ class Finished:
     peak_nits: float | None = None
 
 
+@dataclass(frozen=True)
+class Failed:
+    """An input had an error, with its exit code; for `--json` only, as Python raises the error.
+
+    Others of the same command go on. Frames that were finished stay.
+    """
+
+    name: ClassVar = "failed"
+
+    input: str
+    message: str
+    exit_code: int
+
+
 Event: TypeAlias = Started | FrameDone | Warned | Finished
 OnEvent: TypeAlias = Callable[[Event], None]
 
@@ -69,7 +83,7 @@ def ignore(event: Event) -> None:
     """Report nothing."""
 
 
-def as_json(event: Event) -> dict[str, Any]:
+def as_json(event: Event | Failed) -> dict[str, Any]:
     """An event as in `--json`: "event" and its values."""
     told = {name: value for name, value in asdict(event).items() if value is not None}
     return {"event": event.name, **told}

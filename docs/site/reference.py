@@ -158,7 +158,13 @@ def event_lines() -> str:
         "as a dataclass passed to `on_event`. Values that a command does not know are omitted "
         "from the JSON.",
     ]
-    for kind in (events.Started, events.FrameDone, events.Warned, events.Finished):
+    for kind in (
+        events.Started,
+        events.FrameDone,
+        events.Warned,
+        events.Finished,
+        events.Failed,
+    ):
         rows = [(f"`{f.name}`", f"`{f.type}`") for f in dataclasses.fields(kind)]
         parts += [f"## {kind.__name__}", f'`"event": "{kind.name}"`', _docstring(kind)]
         parts.append(_table(("value", "type"), rows))

@@ -12,7 +12,17 @@ from typing import TextIO
 
 from itmo_video.cli.log_file import LogFile
 from itmo_video.cli.terminal import PROGRAM, named, width_of
-from itmo_video.events import Event, Finished, FrameDone, OnEvent, Started, Warned, as_json
+from itmo_video.errors import ItmoError
+from itmo_video.events import (
+    Event,
+    Failed,
+    Finished,
+    FrameDone,
+    OnEvent,
+    Started,
+    Warned,
+    as_json,
+)
 from itmo_video.output.disk_space import in_words
 from itmo_video.words import counted
 
@@ -77,13 +87,17 @@ class Progress:
     def on(self, source: str) -> Iterator[OnEvent]:
         """Show the input's name at once, as indexing a long film takes a while; gives `on_event`.
 
-        At the end, the line is terminated.
+        At the end, the line is terminated. An error is reported to programs, and raised.
         """
         self._name = f"{self._place}{_named(source)}"
         if self._has_bar:
             self._show(f"{self._place}opening {_named(source)}"[: width_of(self._stream) - 1])
         try:
             yield self.on_event
+        except ItmoError as error:
+            if self._as_json:
+                self._tell(json.dumps(as_json(Failed(source, str(error), error.exit_code))))
+            raise
         finally:
             self.close()
 

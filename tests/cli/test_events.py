@@ -149,3 +149,18 @@ def test_a_terminal_has_one_line_of_progress_and_what_follows_stands_below(
     piped = io.StringIO()
     Progress(as_json=False, quiet=False, stream=piped).on_event(FrameDone(1, 1, 3))
     assert piped.getvalue() == "", "progress is for terminals"
+
+
+def test_an_input_that_fails_has_its_event(tmp_path: Path) -> None:
+    (tmp_path / "bad.mp4").write_text("no film")
+    done = run(
+        "convert", tmp_path / "bad.mp4", CLIP, tmp_path / "out", *FLAGS, "--frames", "1",
+    )  # fmt: skip
+    assert done.returncode == 3
+    events = [json.loads(line) for line in done.stdout.splitlines()]
+    assert [e["event"] for e in events if e["event"] in ("failed", "finished")] == [
+        "failed", "finished",
+    ]  # fmt: skip
+    (failed,) = (e for e in events if e["event"] == "failed")
+    assert (failed["input"], failed["exit_code"]) == (str(tmp_path / "bad.mp4"), 3)
+    assert "not a readable video" in failed["message"]
