@@ -30,6 +30,7 @@ from itmo_video.options import checked_path
 from itmo_video.presets import as_settings
 from itmo_video.settings import Settings
 from itmo_video.source.clip import first_number
+from itmo_video.source.files import MAX_PIXELS
 from itmo_video.source.opening import Clip, input_options, open_clip
 from itmo_video.source.read_faults import FailingDiskError
 
@@ -112,7 +113,7 @@ def analyse(
     *,
     frames: Collection[int] | None = None,
     start_number: int | None = None,
-    max_pixels: int = 2**27,
+    max_pixels: int = MAX_PIXELS,
     edit: str | Path | None = None,
     on_event: OnEvent = ignore,
 ) -> Analysis:

@@ -161,7 +161,7 @@ def _convert_one(
         raise UsageError(
             "TLS certificates need a scheduler", remedy="Add --scheduler tls://host:8786."
         )
-    page = ReportOptions(clip=Path(source), overwrite=run.overwrite)
+    page = ReportOptions(clip=Path(source), overwrite=run.overwrite, max_pixels=run.max_pixels)
     if args.report and os.path.isdir(output):
         report_gate(Path(output), page, None).check()
     progress = progress_of(args, None if place is None else source, place)

@@ -8,6 +8,8 @@ import os
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
+from itmo_video.cli.option_flags import add_options, options_of
+from itmo_video.conversion.run_options import RunOptions
 from itmo_video.errors import InputError, UsageError
 from itmo_video.options import flag_name
 from itmo_video.presets import load_preset, make_settings, preset_names, read_preset
@@ -24,6 +26,7 @@ def add_info(commands: Any) -> None:
         description="Show a clip's metadata, and what convert will assume where it has none.",
     )
     info.add_argument("input", metavar="INPUT", help="a clip, a still or an image sequence")
+    add_options(info, RunOptions, ("max_pixels",))
     info.add_argument("--json", action="store_true", help="print JSON")
     info.set_defaults(run=_info)
 
@@ -62,7 +65,8 @@ def _info(args: argparse.Namespace) -> int:
             "for metadata give a frame of it, or the clip that it was made from.",
         )
     # HDR that convert would refuse is only reported by info.
-    with open_clip(args.input, InputOptions(only_tells=True)) as clip:
+    options = InputOptions(only_tells=True, max_pixels=options_of(args, RunOptions).max_pixels)
+    with open_clip(args.input, options) as clip:
         told = facts.clip_facts(clip.info)
         if (rendering := _rendering(clip)) is not None:
             told["rendering"] = rendering

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from itmo_video.analysis.model import Analysis
 from itmo_video.analysis.reading import read_analysis
 from itmo_video.options import check_options, option
+from itmo_video.source.files import pixel_limit
 
 
 @dataclass(frozen=True)
@@ -40,9 +41,7 @@ class RunOptions:
     update: bool = option(False, bool, "re-render frames whose settings have changed")
     durable: bool = option(False, bool, "wait until each file is on the disk (fsync)")
     null: bool = option(False, bool, "render everything, write nothing")
-    max_pixels: int = option(
-        2**27, int, "refuse frames with more than N pixels", lower=1, metavar="N"
-    )
+    max_pixels: int = pixel_limit()
     analysis: Analysis | None = option(
         None, Analysis, "shot list written by `analyse`, edited or not",
         metavar="FILE.json", read=read_analysis,

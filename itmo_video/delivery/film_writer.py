@@ -36,6 +36,7 @@ from itmo_video.errors import ItmoError, OutputError
 from itmo_video.memory_limit import check_memory
 from itmo_video.output.atomic import temp_path
 from itmo_video.output.gate import Gate
+from itmo_video.source.files import MAX_PIXELS
 from itmo_video.source.packets import TAG_ERRORS
 
 # With fewer frames than it may reorder, x265 (4.1) reads an uninitialised decoding time; so few
@@ -61,6 +62,7 @@ class FilmWriter:
         *,
         is_whole: bool = True,
         stream: int | None = None,
+        max_pixels: int = MAX_PIXELS,
     ) -> None:
         path = gate.path
         check_film(path, spec)
@@ -90,7 +92,7 @@ class FilmWriter:
             self._sound: Iterator[tuple[Any, Fraction]] = iter(())
             self._waiting: tuple[Any, Fraction] | None = None
             if source is not None:
-                self._source = Sound(source, self._box, stream)
+                self._source = Sound(source, self._box, max_pixels, stream)
                 self._add_sound(self._source)
         except ItmoError:
             self.close()

@@ -70,8 +70,9 @@ def write_film(
     """
     chroma = options.chroma or default_chroma(options.codec)
     spec = FilmSpec(
-        2, 2, pictures.frame_rate, _time_base(pictures), pictures.pixel_aspect, signal_of(options),
-        options.codec, chroma, shown_peak(pictures, options), crf_of(options), options.speed,
+        2, 2, pictures.frame_rate, _time_base(pictures, run), pictures.pixel_aspect,
+        signal_of(options), options.codec, chroma, shown_peak(pictures, options), crf_of(options),
+        options.speed,
     )  # fmt: skip
     if not is_y4m(output):
         check_film(output, spec)
@@ -156,7 +157,7 @@ def _writer(
     film = pictures.clip if pictures.clip and is_film(pictures.clip) else None
     return FilmWriter(
         gate, spec, None if options.no_audio else film, first_s, is_whole=run.frames is None,
-        stream=pictures.stream,
+        stream=pictures.stream, max_pixels=run.max_pixels,
     )  # fmt: skip
 
 
@@ -215,10 +216,10 @@ def _with_durations(
     yield frame, last_length_s
 
 
-def _time_base(pictures: Pictures) -> Fraction:
+def _time_base(pictures: Pictures, run: RunOptions) -> Fraction:
     """The source's time base, if known, so that its time stamps stay exact."""
     if pictures.clip is not None and is_film(pictures.clip):
-        return source_time_base(pictures.clip, pictures.stream)
+        return source_time_base(pictures.clip, run.max_pixels, pictures.stream)
     rate = pictures.frame_rate.numerator
     common = rate * 90000 // gcd(rate, 90000)
     return Fraction(1, common if common < 2**31 else 90000)

@@ -10,15 +10,14 @@ from typing import Any
 from itmo_video.source.packets import BROADCAST, Jumps, open_container, open_video
 from itmo_video.source.streams import choose_video
 
-_MAX_PIXELS = 2**27  # of a source of which only sound and time stamps are read
 # QuickTime calls a track's title its name.
 _KEPT_TAGS = {"language": "language", "name": "title", "title": "title", "comment": "comment"}
 _KEPT_FLAGS = 0x1FF  # default, dub, original, comment, lyrics, karaoke, forced, impaired
 
 
-def source_time_base(path: Path, number: int | None = None) -> Fraction:
+def source_time_base(path: Path, max_pixels: int, number: int | None = None) -> Fraction:
     """The time base of a film's video stream in seconds; raises InputError."""
-    with open_video(path, _MAX_PIXELS, number) as (_, stream):
+    with open_video(path, max_pixels, number) as (_, stream):
         return Fraction(stream.time_base or Fraction(1, 90000))
 
 
@@ -29,8 +28,8 @@ class Sound:
     start of the first sound in source time.
     """
 
-    def __init__(self, source: Path, film: Any, stream: int | None = None) -> None:
-        self._box: Any = open_container(source, _MAX_PIXELS)
+    def __init__(self, source: Path, film: Any, max_pixels: int, stream: int | None = None) -> None:
+        self._box: Any = open_container(source, max_pixels)
         self.notices: list[str] = []
         self._targets: dict[int, Any] = {}
         audio = list(self._box.streams.audio)
@@ -48,7 +47,7 @@ class Sound:
             self._targets[track.index] = target
         self._streams = [track for track in audio if track.index in self._targets]
         video, _ = choose_video(self._box, stream, str(source))
-        self._is_joined = bool(self._streams) and _is_joined(source, video)
+        self._is_joined = bool(self._streams) and _is_joined(source, video, max_pixels)
         started = [track for track in self._streams if track.start_time is not None]
         starts = [s.start_time * Fraction(s.time_base) for s in started]
         zero = (video.start_time or 0) * Fraction(video.time_base)
@@ -95,12 +94,12 @@ class _Join:
         return self._shift
 
 
-def _is_joined(source: Path, video: Any) -> bool:
+def _is_joined(source: Path, video: Any, max_pixels: int) -> bool:
     """Whether the video stamps of a broadcast file jump, so that its frames are counted."""
     if str(video.container.format.name) not in BROADCAST:
         return False
     jumps = Jumps(video)
-    box: Any = open_container(source, _MAX_PIXELS)
+    box: Any = open_container(source, max_pixels)
     try:
         for packet in box.demux(box.streams[video.index]):
             if packet.size and jumps.see(packet.dts if packet.dts is not None else packet.pts):

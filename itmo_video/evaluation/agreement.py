@@ -14,6 +14,7 @@ from itmo_video.evaluation.fidelity import Fidelity, Zone
 from itmo_video.evaluation.folders import frame_rgb, open_sequence, open_source, pair
 from itmo_video.events import FrameDone, OnEvent, ignore
 from itmo_video.model import Float32, Float64, Frame
+from itmo_video.source.files import MAX_PIXELS
 from itmo_video.source.opening import frames_at
 
 TEST, SDR = "test", "SDR as it is"
@@ -111,6 +112,7 @@ def compare_sequences(
     display: Display,
     on_event: OnEvent = ignore,
     part: str | None = None,
+    max_pixels: int = MAX_PIXELS,
 ) -> dict[str, Agreement]:
     """Agreement of a folder with the true one, by row: TEST, and SDR if the clip is given.
 
@@ -124,7 +126,7 @@ def compare_sequences(
     rows = {TEST: Tally()}
     if source is not None:
         rows[SDR] = Tally()
-        clip = open_source(source, sequence)
+        clip = open_source(source, sequence, max_pixels)
         originals = frames_at(clip, [item.index for item in pairs])
     for done, (item, original) in enumerate(zip(pairs, originals, strict=False), 1):
         truth = _shown(item.true_rgb(), display, item.truth)

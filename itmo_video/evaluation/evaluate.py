@@ -61,7 +61,9 @@ def evaluate(test: str | Path, options: EvaluateOptions, on_event: OnEvent = ign
     if options.ibl and options.reference:
         from itmo_video.evaluation import probes
 
-        lighting = probes.compare_lights(test, options.reference, options.source)
+        lighting = probes.compare_lights(
+            test, options.reference, options.source, options.max_pixels
+        )
         return Evaluation(table.lighting_facts(lighting[probes.TEST]), lighting=lighting)
     gate = _heat_gate(test, options)
     if gate is not None:
@@ -77,7 +79,7 @@ def evaluate(test: str | Path, options: EvaluateOptions, on_event: OnEvent = ign
     if options.source:
         origins = sequence.read_origins(options.motion) if options.motion else None
         shots = sequence.flicker_by_shot(
-            test, options.source, origins, options.key_interval, on_event
+            test, options.source, origins, options.key_interval, on_event, options.max_pixels
         )
         clip = sequence.over_shots(shots)
         figures |= clip
@@ -99,15 +101,17 @@ def _fidelity(
 ) -> dict[str, Agreement]:
     if not (options.vdp or gate):
         return agreement.compare_sequences(
-            test, reference, options.source, display, on_event, options.part
+            test, reference, options.source, display, on_event, options.part, options.max_pixels
         )
     from itmo_video.evaluation import vdp
 
     vdp.require_vdp()  # so that it fails at once, not after the other figures
     rows = agreement.compare_sequences(
-        test, reference, options.source, display, on_event, options.part
+        test, reference, options.source, display, on_event, options.part, options.max_pixels
     )
-    found = films.films(test, reference, options.source, display, options.part, on_event)
+    found = films.films(
+        test, reference, options.source, display, options.part, on_event, options.max_pixels
+    )
     if options.vdp:
         for name, film in found.items():
             rows[name].figures["jod"] = vdp.jod(film, display)

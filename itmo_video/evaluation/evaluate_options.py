@@ -7,6 +7,7 @@ from pathlib import Path
 
 from itmo_video.errors import UsageError
 from itmo_video.options import check_options, option
+from itmo_video.source.files import pixel_limit
 
 
 @dataclass(frozen=True)
@@ -64,6 +65,7 @@ class EvaluateOptions:
         "compare renders of a scene lit by the panoramas (latitude-longitude; extra `ibl`: "
         "Mitsuba); TEST and TRUTH may be one .exr or .hdr file, with 1.0 at SDR white",
     )  # fmt: skip
+    max_pixels: int = pixel_limit()
 
     def __post_init__(self) -> None:
         check_options(self)

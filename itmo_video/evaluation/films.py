@@ -19,6 +19,7 @@ from itmo_video.evaluation.vdp import Film, Pictures, on_display
 from itmo_video.events import OnEvent, Warned, ignore
 from itmo_video.model import ASSUMED_SEQUENCE_RATE, Float32
 from itmo_video.output.converted import RATE_ASSUMED
+from itmo_video.source.files import MAX_PIXELS
 from itmo_video.source.opening import Clip, frames_at
 
 
@@ -29,6 +30,7 @@ def films(
     display: Display,
     part: str | None = None,
     on_event: OnEvent = ignore,
+    max_pixels: int = MAX_PIXELS,
 ) -> dict[str, Film]:
     """A folder with its truth by row: TEST, and SDR if the clip is given.
 
@@ -38,7 +40,7 @@ def films(
     """
     sequence = open_sequence(test)
     pairs = pair(sequence, open_sequence(reference), part)
-    clip = None if source is None else open_source(source, sequence)
+    clip = None if source is None else open_source(source, sequence, max_pixels)
     height, width = pairs[0].true_rgb().shape[:2]
     steps = [b.index - a.index for a, b in pairwise(pairs)]
     stated = frame_rate(sequence, clip)

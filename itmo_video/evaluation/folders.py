@@ -21,6 +21,7 @@ from itmo_video.model import Float32, Frame
 from itmo_video.output.converted import Converted, find_converted
 from itmo_video.output.exr import ExrImage, read_exr
 from itmo_video.settings import Settings, settings_from
+from itmo_video.source.files import MAX_PIXELS
 from itmo_video.source.opening import Clip, input_options, open_clip
 from itmo_video.words import frames_are
 
@@ -149,14 +150,14 @@ def pair(test: ExrSequence, truth: ExrSequence, part: str | None = None) -> list
     return [Pair(n - start, n, n + between, (test, truth), part) for n in sorted(numbers)]
 
 
-def open_source(source: Path, sequence: ExrSequence | None) -> Clip:
+def open_source(source: Path, sequence: ExrSequence | None, max_pixels: int = MAX_PIXELS) -> Clip:
     """The SDR clip, read as by the sequence's conversion, even if it is tagged as HDR.
 
     Raises InputError if the sequence was made from another clip.
     """
     settings = Settings() if sequence is None else sequence.settings_or_default
     values = {**settings.as_dict(), "force_sdr": True, "raw": None}
-    clip = open_clip(source, input_options(settings_from(values)))
+    clip = open_clip(source, input_options(settings_from(values), max_pixels))
     if sequence is not None and sequence.made is not None:
         sequence.made.check_source(clip)
     return clip

@@ -28,6 +28,7 @@ from itmo_video.model import Float32, Frame
 from itmo_video.presets import make_settings
 from itmo_video.rendering.frame import render
 from itmo_video.settings import Settings
+from itmo_video.source.files import MAX_PIXELS
 from itmo_video.source.opening import frames_at
 
 TEST, SDR, NAIVE = "test", "LDR probe", "naive"
@@ -36,7 +37,9 @@ _ASPECT_TOLERANCE = 0.02
 _Side = ExrSequence | Path  # a folder, or a file by itself
 
 
-def compare_lights(test: Path, reference: Path, source: Path | None) -> dict[str, ibl.Lighting]:
+def compare_lights(
+    test: Path, reference: Path, source: Path | None, max_pixels: int = MAX_PIXELS
+) -> dict[str, ibl.Lighting]:
     """Mean agreement of renders over frames, by row: TEST, and with the SDR clip SDR and NAIVE.
 
     `test` and `reference` are folders of EXR files, or one .exr or .hdr file; 1.0 is SDR white in
@@ -46,7 +49,7 @@ def compare_lights(test: Path, reference: Path, source: Path | None) -> dict[str
     """
     ibl.require_mitsuba()  # so that it fails at once
     found: dict[str, list[ibl.Lighting]] = {}
-    for lights, truth in _lights(_opened(test), _opened(reference), source):
+    for lights, truth in _lights(_opened(test), _opened(reference), source, max_pixels):
         lit = ibl.render_lit(truth)
         for name, light in lights.items():
             found.setdefault(name, []).append(ibl.compare_lit(ibl.render_lit(light), lit))
@@ -54,7 +57,7 @@ def compare_lights(test: Path, reference: Path, source: Path | None) -> dict[str
 
 
 def _lights(
-    test: _Side, reference: _Side, source: Path | None
+    test: _Side, reference: _Side, source: Path | None, max_pixels: int
 ) -> Iterator[tuple[dict[str, Float32], Float32]]:
     """The panoramas of each frame by row, and the true one, ready to light the scene."""
     pairs = _pairs(test, reference)
@@ -62,7 +65,7 @@ def _lights(
     sequence = None if isinstance(test, Path) else test
     settings = Settings() if sequence is None else sequence.settings_or_default
     if source is not None:
-        clip = open_source(source, sequence)
+        clip = open_source(source, sequence, max_pixels)
         originals = frames_at(clip, [index for index, _, _ in pairs])
     for (_, test_picture, true_picture), original in zip(pairs, originals, strict=False):
         lights = {}

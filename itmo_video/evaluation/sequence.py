@@ -24,6 +24,7 @@ from itmo_video.evaluation.folders import (
 from itmo_video.events import FrameDone, OnEvent, ignore
 from itmo_video.model import Code, Float32
 from itmo_video.motion.cut_detection import CUT_REACH, Analysed, analyse_frame, place
+from itmo_video.source.files import MAX_PIXELS
 from itmo_video.source.opening import Clip
 from itmo_video.untrusted import read_json
 
@@ -62,6 +63,7 @@ def flicker_by_shot(
     origins: Origins | None,
     key_interval: int | None = None,
     on_event: OnEvent = ignore,
+    max_pixels: int = MAX_PIXELS,
 ) -> list[ShotFlicker]:
     """Flicker figures of each shot of a converted folder; by known origins or estimated flow.
 
@@ -74,7 +76,7 @@ def flicker_by_shot(
     interval = key_interval or sequence.settings_or_default.key_interval
     shots: list[ShotFlicker] = []
     running: _Running | None = None
-    for done, frame in enumerate(_frames(sequence, source), 1):
+    for done, frame in enumerate(_frames(sequence, source, max_pixels), 1):
         if running is None or frame.starts_shot:
             if running is not None:
                 shots.append(running.shot())
@@ -121,13 +123,13 @@ def luminance(rgb: Float32) -> Float32:
     return np.asarray(rgb @ np.array(LUMINANCE_WEIGHTS_BT709, np.float32), np.float32)
 
 
-def _frames(sequence: ExrSequence, source: Path) -> Iterator[_Seen]:
+def _frames(sequence: ExrSequence, source: Path, max_pixels: int) -> Iterator[_Seen]:
     settings = sequence.settings_or_default
     files = sequence.by_index
     last = max(files)
     unseen = set(files)
     starts_shot = False
-    with open_source(source, sequence) as clip:
+    with open_source(source, sequence, max_pixels) as clip:
         width, height = analysis_size(*clip.info.display_size, settings.map_width)
         # Frames before the first file count for cuts, too, as it may closely follow one.
         start = max(0, min(files) - 2 * CUT_REACH)

@@ -55,12 +55,15 @@ def report(
     converted, clip = open_converted(folder), options.clip
     gate = report_gate(folder, options, converted.manifest)
     gate.check()
-    pictures = from_folder(converted, clip, RunOptions())
+    pictures = from_folder(converted, clip, RunOptions(max_pixels=options.max_pixels))
     for notice in pictures.notices:
         on_event(Warned(notice))
     on_event(Started(str(folder), str(gate.path), len(pictures.numbers), 0))
     facts, embedded = _measured(pictures, converted, on_event)
-    told = page_words.source_facts(clip, converted) + page_words.renderings(facts, converted)
+    told = [
+        *page_words.source_facts(clip, converted, options.max_pixels),
+        *page_words.renderings(facts, converted),
+    ]
     text = render_page(converted, pictures, facts, embedded, told)
     gate.write(text.encode("utf-8", "backslashreplace"))
     return gate.path

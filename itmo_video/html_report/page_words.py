@@ -70,11 +70,13 @@ def warnings(facts: FilmFacts, pictures: Pictures, converted: Converted) -> list
     return out
 
 
-def source_facts(clip: str | Path | None, converted: Converted) -> list[tuple[str, str]]:
+def source_facts(
+    clip: str | Path | None, converted: Converted, max_pixels: int
+) -> list[tuple[str, str]]:
     """The rows of the source's metadata."""
     if clip is None:
         return [("source", "not given to this report")]
-    with converted.open_source(Path(clip)) as opened:
+    with converted.open_source(Path(clip), max_pixels) as opened:
         told = clip_facts(opened.info) | {"remarks": list(opened.info.notices)}
     rows: list[tuple[str, str]] = []
     for name, value in told.items():

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from itmo_video.options import check_options, option
+from itmo_video.source.files import pixel_limit
 
 
 @dataclass(frozen=True)
@@ -27,6 +28,7 @@ class ReportOptions:
         None, Path, "the source clip, for before and after", flag="source", metavar="CLIP"
     )
     overwrite: bool = option(False, bool, "replace FILE.html")
+    max_pixels: int = pixel_limit()
 
     def __post_init__(self) -> None:
         check_options(self)

@@ -194,7 +194,7 @@ class Converted:
         stated: Any = image.attributes.get("itmoTime")
         return Fraction(stated) if stated is not None else self.index_of(number) / self.frame_rate
 
-    def open_source(self, clip: Path, max_pixels: int = 2**27) -> Clip:
+    def open_source(self, clip: Path, max_pixels: int) -> Clip:
         """The clip that the folder was converted from, read with the same settings.
 
         Raises InputError if it is another clip; frames have the folder's indices.

@@ -7,10 +7,13 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
+from typing import Any
 
 from itmo_video.errors import InputError
+from itmo_video.options import option
 from itmo_video.regular_file import open_regular
 
+MAX_PIXELS = 2**27  # of a frame, unless the user raises it
 PICTURE_BYTES = 1 << 30  # the largest file of a single picture, as it is read at once
 
 
@@ -37,7 +40,12 @@ def check_file(path: Path) -> None:
             raise InputError("the file is empty", where=str(path))
 
 
-# ---- containers ----
+# ---- pixels ----
+
+
+def pixel_limit() -> Any:
+    """The option `max_pixels` of each command that reads a source."""
+    return option(MAX_PIXELS, int, "refuse frames with more than N pixels", lower=1, metavar="N")
 
 
 def check_pixels(width: int, height: int, max_pixels: int, where: str) -> None:

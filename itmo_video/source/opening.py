@@ -91,8 +91,8 @@ def frames_at(clip: Clip, indices: Sequence[int]) -> Iterator[Frame]:
         yield frame
 
 
-def input_options(settings: Settings, max_pixels: int = 2**27) -> InputOptions:
-    """The settings that determine how the source is read."""
+def input_options(settings: Settings, max_pixels: int) -> InputOptions:
+    """The settings, and the user's limit, that determine how the source is read."""
     return InputOptions(
         transfer=settings.transfer,
         matrix=settings.matrix,

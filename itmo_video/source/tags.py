@@ -21,6 +21,7 @@ from itmo_video.model import (
     Range,
     Transfer,
 )
+from itmo_video.source.files import MAX_PIXELS
 
 HD_WIDTH, SD_LINES = 1280, 576  # untagged: BT.709 from this width or above this height
 
@@ -60,7 +61,7 @@ class InputOptions:
     range: str = "auto"
     force_sdr: bool = False
     deinterlace: str = "auto"
-    max_pixels: int = 2**27
+    max_pixels: int = MAX_PIXELS
     fps: Fraction | None = None
     stream: int | None = None
     raw: str | None = None

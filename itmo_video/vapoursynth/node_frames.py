@@ -13,6 +13,7 @@ import vapoursynth as vs
 from itmo_video.errors import AlreadyHdrError, UsageError
 from itmo_video.model import ChromaSiting, Code, Encoding, Family, Frame
 from itmo_video.settings import Settings
+from itmo_video.source.files import MAX_PIXELS
 from itmo_video.source.opening import input_options
 from itmo_video.source.tags import Tags, resolve_encoding
 
@@ -81,7 +82,7 @@ def _encoding(
         int(props.get("_Primaries", 2)),
     )  # fmt: skip
     encoding, notices = resolve_encoding(
-        tags, input_options(settings),
+        tags, input_options(settings, MAX_PIXELS),
         family=family, bit_depth=node.format.bits_per_sample, has_alpha=False,
         is_full_format=False, is_still=False, codec="vapoursynth", size=(node.width, node.height),
         where=WHERE,

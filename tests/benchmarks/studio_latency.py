@@ -23,6 +23,7 @@ from clips import moving_scene, write_ffv1
 
 from itmo_video import make_settings
 from itmo_video.look import make_look
+from itmo_video.source.files import MAX_PIXELS
 from itmo_video.source.opening import input_options
 from itmo_video.studio.session import Session
 
@@ -66,7 +67,7 @@ def main() -> None:
             for frame in moving_scene(40, width=480, height=270)
         )
         clip = write_ffv1(Path(folder) / "hd.mkv", frames, stored="yuv420p")
-        with Session(clip, input_options(make_settings())) as session:
+        with Session(clip, input_options(make_settings(), MAX_PIXELS)) as session:
             began = time.perf_counter()
             session.picture(FRAME, make_look(make_settings()))
             print(f"first picture: {time.perf_counter() - began:.2f} s")

@@ -27,6 +27,7 @@ from itmo_video.html_report.measure import FrameFacts, Measured, film_facts
 from itmo_video.html_report.page import REPORT_NAME
 from itmo_video.output.converted import find_converted, open_converted
 from itmo_video.output.manifest import MANIFEST_NAME
+from itmo_video.source.files import MAX_PIXELS
 
 
 @pytest.fixture(scope="module")
@@ -106,7 +107,7 @@ def test_the_source_is_read_as_it_was_then(clip: Path, tmp_path: Path, own: dict
 def test_another_clip_is_refused(shots: Path, tmp_path: Path) -> None:
     other = write_ffv1(tmp_path / "other.mkv", moving_scene(16, seed=3))
     with pytest.raises(InputError, match="not the clip"):
-        open_converted(shots).open_source(other)
+        open_converted(shots).open_source(other, MAX_PIXELS)
 
 
 def test_report_of_a_folder_with_shots(shots: Path, clip: Path, tmp_path: Path) -> None:

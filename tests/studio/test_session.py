@@ -16,6 +16,7 @@ from itmo_video.conversion.run_options import RunOptions
 from itmo_video.look import make_look
 from itmo_video.output.exr import read_exr
 from itmo_video.settings import Settings
+from itmo_video.source.files import MAX_PIXELS
 from itmo_video.source.opening import input_options
 from itmo_video.studio.session import Session, StaleError, reduced
 
@@ -31,7 +32,7 @@ OTHERS: dict[str, Any] = {
 
 @pytest.fixture
 def session(clip: Path) -> Iterator[Session]:
-    with Session(clip, input_options(Settings())) as opened:
+    with Session(clip, input_options(Settings(), MAX_PIXELS)) as opened:
         yield opened
 
 
@@ -65,7 +66,7 @@ def test_what_is_remembered_is_never_a_wrong_answer(
     other = dataclasses.replace(base, **{name: OTHERS[name]})
     session.picture(6, make_look(base))
     warm = session.picture(6, make_look(other)).planes
-    with Session(session._source, input_options(other)) as fresh:
+    with Session(session._source, input_options(other, MAX_PIXELS)) as fresh:
         cold = fresh.picture(6, make_look(other)).planes
     assert np.array_equal(warm, cold), f"{name} changed and an old picture was used"
 
@@ -118,7 +119,7 @@ def test_stale_work_ends(session: Session) -> None:
 
 
 def test_memory_is_bounded(clip: Path) -> None:
-    with Session(clip, input_options(Settings()), 200_000, 300_000) as small:
+    with Session(clip, input_options(Settings(), MAX_PIXELS), 200_000, 300_000) as small:
         for step in range(60):
             settings = make_settings(radius=5.0 + step, operator="banterle2006")
             small.picture(step % 14, make_look(settings))
