@@ -19,6 +19,7 @@ from itmo_video.cli.evaluate import add_evaluate
 from itmo_video.cli.info import add_info
 from itmo_video.cli.log_file import LogFile
 from itmo_video.cli.manual import add_manual
+from itmo_video.cli.memory_guard import guarded, out_of_memory
 from itmo_video.cli.outcome import Terminated, debug, interrupted, reported, unexpected
 from itmo_video.cli.parser import Parser
 from itmo_video.cli.preview import add_preview
@@ -27,7 +28,6 @@ from itmo_video.cli.streams import lost_output, with_streams
 from itmo_video.cli.studio import add_studio
 from itmo_video.cli.variants import add_variants
 from itmo_video.errors import ItmoError
-from itmo_video.memory_limit import guarded, out_of_memory
 
 EXAMPLES = """\
 examples:

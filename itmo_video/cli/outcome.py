@@ -9,9 +9,9 @@ import traceback
 from collections.abc import Sequence
 
 from itmo_video.cli.log_file import LogFile
+from itmo_video.cli.memory_guard import out_of_memory
 from itmo_video.cli.terminal import named
 from itmo_video.errors import ItmoError
-from itmo_video.memory_limit import out_of_memory
 
 
 class Terminated(BaseException):

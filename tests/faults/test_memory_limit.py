@@ -19,7 +19,7 @@ pytestmark = pytest.mark.skipif(not hasattr(signal, "sigwaitinfo"), reason="need
 
 GUARDED = """
 import os, resource, sys, time
-from itmo_video.memory_limit import guarded
+from itmo_video.cli.memory_guard import guarded
 resource.setrlimit(resource.RLIMIT_AS, (8 << 30, resource.RLIM_INFINITY))
 def main():
     {body}
