@@ -10,10 +10,9 @@ from typing import Any
 import av
 
 from itmo_video.memory_limit import check_memory
+from itmo_video.source.decoding import Numbered
 
 LEAD_IN = 4  # frames decoded before the first one wanted, so that it has neighbours
-
-Picture = tuple[int, Any, bool]  # index, decoded frame, whether it is damaged
 
 
 def can_deinterlace(frame: Any, is_forced: bool) -> bool:
@@ -28,11 +27,11 @@ def can_deinterlace(frame: Any, is_forced: bool) -> bool:
 
 
 def deinterlaced(
-    pictures: Iterator[Picture],
+    pictures: Iterator[Numbered],
     is_forced: bool,
     time_base: Fraction,
     is_same: Callable[[Any], bool],
-) -> Iterator[Picture]:
+) -> Iterator[Numbered]:
     """Yield each frame, deinterlaced from itself and its two neighbours, with its index.
 
     Progressive frames pass unchanged unless `is_forced`. A frame beyond a gap is no neighbour: it
@@ -74,7 +73,7 @@ def _graph(like: Any, is_forced: bool, time_base: Fraction) -> Any:
     return graph
 
 
-def _pull(graph: Any, waiting: deque[tuple[int, bool]]) -> Iterator[Picture]:
+def _pull(graph: Any, waiting: deque[tuple[int, bool]]) -> Iterator[Numbered]:
     while True:
         try:
             picture = graph.vpull()
