@@ -15,7 +15,7 @@ import numpy as np
 
 from itmo_video.colour.primaries import OCIO_NAMES
 from itmo_video.colour.transfer import pq_nits
-from itmo_video.delivery.sdr import Picture
+from itmo_video.delivery.lettering import RgbPicture
 from itmo_video.errors import UsageError
 from itmo_video.model import Float32, Half
 from itmo_video.words import to_install
@@ -27,12 +27,12 @@ _SDR = ("Rec.1886 Rec.709 - Display", "ACES 2.0 - SDR 100 nits (Rec.709)")
 Planes = Sequence[Half | Float32]
 
 
-def aces_sdr(rgb: Planes, primaries: str, gain: float = 1.0) -> Picture:
+def aces_sdr(rgb: Planes, primaries: str, gain: float = 1.0) -> RgbPicture:
     """Linear planes as R'G'B' in [0, 1] for a BT.1886 monitor, (H, W, 3) float32."""
     return np.clip(_shown(rgb, primaries, gain, *_SDR), np.float32(0), np.float32(1))
 
 
-def aces_hdr_nits(rgb: Planes, primaries: str, peak_nits: float, gain: float = 1.0) -> Picture:
+def aces_hdr_nits(rgb: Planes, primaries: str, peak_nits: float, gain: float = 1.0) -> RgbPicture:
     """BT.2020 R, G and B in nits, (H, W, 3) float32, for a display with one of HDR_PEAKS."""
     view = f"ACES 2.0 - HDR {peak_nits:.0f} nits (P3 D65)"
     code = _shown(rgb, primaries, gain, "Rec.2100-PQ - Display", view)
@@ -69,7 +69,7 @@ def require_aces() -> None:
     _processor("rec709", *_SDR)
 
 
-def _shown(rgb: Planes, primaries: str, gain: float, display: str, view: str) -> Picture:
+def _shown(rgb: Planes, primaries: str, gain: float, display: str, view: str) -> RgbPicture:
     out = np.stack([np.asarray(plane, np.float32) for plane in rgb], axis=-1) * np.float32(gain)
     _processor(primaries, display, view).applyRGB(out)  # in place
     return out

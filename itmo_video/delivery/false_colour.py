@@ -15,7 +15,7 @@ import numpy as np
 
 from itmo_video.colour.primaries import LUMINANCE_WEIGHTS_BT709
 from itmo_video.delivery.choices import Scale
-from itmo_video.delivery.lettering import Picture, text_mask, write
+from itmo_video.delivery.lettering import RgbPicture, text_mask, write
 
 LEGEND_ROWS_MIN = 24
 _DARKEST_STOP = -8
@@ -36,7 +36,7 @@ class Band:
     label: str
 
 
-def false_colour(linear: Picture, scale: Scale, white_nits: float, peak: float) -> Picture:
+def false_colour(linear: RgbPicture, scale: Scale, white_nits: float, peak: float) -> RgbPicture:
     """Luminance as colours distinct for colour-blind people, with a legend below the picture.
 
     In nits the steps are round, blue up to SDR white and orange above; in stops they are half stops
@@ -96,7 +96,7 @@ def _cividis(level: Any) -> list[tuple[float, float, float]]:
     return [(red / 255, green / 255, blue / 255) for blue, green, red in bgr.tolist()]
 
 
-def _legend(width: int, height: int, steps: tuple[Band, ...], scale: Scale) -> Picture:
+def _legend(width: int, height: int, steps: tuple[Band, ...], scale: Scale) -> RgbPicture:
     rows = max(LEGEND_ROWS_MIN, height // 14)
     edges = np.round(np.arange(len(steps) + 1) * width / len(steps)).astype(int)
     bar = np.zeros((rows, width, 3), np.float32)

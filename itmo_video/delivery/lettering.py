@@ -14,20 +14,20 @@ import numpy.typing as npt
 
 from itmo_video.model import Float32
 
-Picture = npt.NDArray[np.float32]
+RgbPicture = npt.NDArray[np.float32]  # (height, width, 3)
 Side = Literal["left", "right"]
 
 _SMALLEST_PX = 9
 _PLATE = np.float32(0.25)  # the share of the picture's light kept behind a label
 
 
-def label_size(picture: Picture) -> int:
+def label_size(picture: RgbPicture) -> int:
     """The height of a label's letters in pixels: small, but legible at viewing distance."""
     height, width = picture.shape[:2]
     return max(_SMALLEST_PX, min(int(height), int(width)) // 28)
 
 
-def labelled(picture: Picture, texts: Sequence[str], side: Side = "left") -> Picture:
+def labelled(picture: RgbPicture, texts: Sequence[str], side: Side = "left") -> RgbPicture:
     """A copy with the first of `texts` that fits in a bottom corner, on a darkened plate.
 
     `texts` go from longest to shortest; the last is truncated if it does not fit either.
@@ -47,7 +47,7 @@ def labelled(picture: Picture, texts: Sequence[str], side: Side = "left") -> Pic
     return out
 
 
-def write(picture: Picture, mask: Float32, at: tuple[int, int], ink: Sequence[float]) -> None:
+def write(picture: RgbPicture, mask: Float32, at: tuple[int, int], ink: Sequence[float]) -> None:
     """Blend `ink` into the picture by `mask`, with its top left corner `at` (x, y), cropped."""
     x, y = at
     target = picture[y : y + mask.shape[0], x : x + mask.shape[1]]

@@ -11,7 +11,6 @@ from collections.abc import Callable, Sequence
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 
 from itmo_video.colour import linear_light
 from itmo_video.colour.primaries import rgb_to_rgb_matrix
@@ -19,12 +18,10 @@ from itmo_video.colour.transfer import BT1886_GAMMA
 from itmo_video.delivery.choices import Layout
 from itmo_video.delivery.eetf import bt2390_eetf
 from itmo_video.delivery.half_tables import all_halves
-from itmo_video.delivery.lettering import labelled
+from itmo_video.delivery.lettering import RgbPicture, labelled
 from itmo_video.model import Float32, Frame, Half
 from itmo_video.operators import filmic
 from itmo_video.rendering.frame import alpha_of
-
-Picture = npt.NDArray[np.float32]
 
 
 def reinhard(level: Float32, peak: float) -> Float32:
@@ -64,7 +61,7 @@ TONE_MAPS: dict[str, Callable[[Float32, float], Float32]] = {
 }
 
 
-def to_709(rgb: Sequence[Half | Float32], primaries: str) -> Picture:
+def to_709(rgb: Sequence[Half | Float32], primaries: str) -> RgbPicture:
     """Linear RGB planes in any primaries as one (H, W, 3) float32 picture in BT.709, >= 0."""
     picture = np.dstack([np.asarray(plane, np.float32) for plane in rgb])
     if primaries != "rec709":
@@ -73,7 +70,7 @@ def to_709(rgb: Sequence[Half | Float32], primaries: str) -> Picture:
     return np.maximum(picture, np.float32(0))
 
 
-def tone_mapped(linear: Picture, name: str, peak: float) -> Picture:
+def tone_mapped(linear: RgbPicture, name: str, peak: float) -> RgbPicture:
     """A picture tone-mapped to SDR R'G'B', with the curve on max(R, G, B) to keep hue."""
     level = linear.max(axis=2)
     table = _tone_table(name, peak)
@@ -81,19 +78,21 @@ def tone_mapped(linear: Picture, name: str, peak: float) -> Picture:
     return encoded(linear * np.asarray(factor, np.float32).reshape(*level.shape, 1))
 
 
-def encoded(linear: Picture) -> Picture:
+def encoded(linear: RgbPicture) -> RgbPicture:
     """Linear light as R'G'B' for a BT.1886 monitor, clipped to [0, 1]."""
     return np.asarray(np.clip(linear, 1e-9, 1) ** np.float32(1 / BT1886_GAMMA), np.float32)
 
 
-def source_picture(frame: Frame) -> Picture:
+def source_picture(frame: Frame) -> RgbPicture:
     """A source frame as linear (H, W, 3) light in BT.709; over black where it has alpha."""
     picture = to_709(linear_light.to_rgb_linear(frame, clip=True), frame.encoding.primaries)
     alpha = alpha_of(frame)
     return picture if alpha is None else picture * alpha[..., None]
 
 
-def composed(source: Picture, result: Picture, layout: Layout, wipe_at: float = 0.5) -> Picture:
+def composed(
+    source: RgbPicture, result: RgbPicture, layout: Layout, wipe_at: float = 0.5
+) -> RgbPicture:
     """Source and result side by side, or as a wipe with the source left of `wipe_at` (0 to 1)."""
     if layout == "side":
         return np.concatenate([source, result], axis=1)
@@ -104,7 +103,7 @@ def composed(source: Picture, result: Picture, layout: Layout, wipe_at: float = 
     return out
 
 
-def ladder(linear: Picture, peak: float) -> Picture:
+def ladder(linear: RgbPicture, peak: float) -> RgbPicture:
     """Three exposures as R'G'B', each at half size: as in SDR, and two down to `peak`.
 
     The last shows the peak as white, so that all highlights can be distinguished.

@@ -11,8 +11,8 @@ import numpy as np
 import numpy.typing as npt
 
 from itmo_video.delivery import hdr
+from itmo_video.delivery.lettering import RgbPicture
 from itmo_video.delivery.metadata import Mastering, in_32_bits
-from itmo_video.delivery.sdr import Picture
 from itmo_video.delivery.tiff import tiff_rgb16
 from itmo_video.delivery.ycbcr import Planes
 from itmo_video.kernels.compiled_codes import Curve
@@ -47,7 +47,7 @@ def _codes16(rgb_code: Planes) -> npt.NDArray[np.uint16]:
     return np.asarray(codes, np.uint16)
 
 
-def sdr_still(picture: Picture, suffix: str) -> bytes:
+def sdr_still(picture: RgbPicture, suffix: str) -> bytes:
     """An R'G'B' picture (H, W, 3) in [0, 1] as a JPEG or an 8-bit PNG or TIFF."""
     codes = np.asarray(np.round(picture[..., ::-1] * 255), np.uint8)
     return _encoded(suffix, codes, [cv2.IMWRITE_JPEG_QUALITY, 94] if suffix in _JPEG else [])

@@ -15,7 +15,7 @@ from itmo_video.delivery.choices import Chroma
 from itmo_video.delivery.false_colour import false_colour
 from itmo_video.delivery.film_spec import Signal
 from itmo_video.delivery.hdr import Light
-from itmo_video.delivery.lettering import labelled
+from itmo_video.delivery.lettering import RgbPicture, labelled
 from itmo_video.delivery.log_curves import log_codes
 from itmo_video.delivery.pictures import Picture, Pictures
 from itmo_video.delivery.preview_options import PreviewOptions
@@ -100,7 +100,7 @@ def light_of(
     return [np.ascontiguousarray(both[..., i]) for i in range(3)], "rec709", white
 
 
-def sdr_view(picture: Picture, pictures: Pictures, options: PreviewOptions) -> sdr.Picture:
+def sdr_view(picture: Picture, pictures: Pictures, options: PreviewOptions) -> RgbPicture:
     """A frame as R'G'B' (H, W, 3) in [0, 1] for the SDR views."""
     if options.view == "aces":
         return aces_sdr(picture.rgb, pictures.primaries, 2.0**options.exposure)
@@ -121,8 +121,8 @@ def sdr_view(picture: Picture, pictures: Pictures, options: PreviewOptions) -> s
 
 
 def _both(
-    source: sdr.Picture, result: sdr.Picture, pictures: Pictures, options: PreviewOptions
-) -> sdr.Picture:
+    source: RgbPicture, result: RgbPicture, pictures: Pictures, options: PreviewOptions
+) -> RgbPicture:
     """Source and result in one picture, with labels."""
     if not options.no_labels:
         told = f"HDR {shown_peak(pictures, options):.0f} nits"

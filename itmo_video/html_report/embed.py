@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from itmo_video.delivery import sdr
+from itmo_video.delivery.lettering import RgbPicture
 from itmo_video.delivery.pictures import Picture
 from itmo_video.model import Float32
 
@@ -44,7 +45,7 @@ def highest_stop(peak: float) -> int:
     return max(4, int(np.ceil(np.log2(max(peak, 1.0) * 1.01))))
 
 
-def codes_of(linear: sdr.Picture, top: int) -> npt.NDArray[np.uint16]:
+def codes_of(linear: RgbPicture, top: int) -> npt.NDArray[np.uint16]:
     """11-bit logarithmic codes of linear light, the same shape; 0 stands for black."""
     stops = np.log2(np.maximum(linear, 2.0 ** (LOWEST_STOP - 1)))
     code = np.round((stops - LOWEST_STOP) / (top - LOWEST_STOP) * (CODES - 1)) + 1
@@ -84,7 +85,7 @@ def _at_most(picture: Any, width: int) -> Any:
     return np.asarray(cv2.resize(picture, size, interpolation=cv2.INTER_AREA), np.float32)
 
 
-def _bgr8(picture: sdr.Picture) -> Any:
+def _bgr8(picture: RgbPicture) -> Any:
     return np.asarray(np.round(picture[..., ::-1] * 255), np.uint8)
 
 
