@@ -19,6 +19,7 @@ from itmo_video.errors import ClusterError, DamagedInputError, InputError, ItmoE
 from itmo_video.events import ignore
 from itmo_video.kernels.arithmetic import arithmetic
 from itmo_video.look import make_look
+from itmo_video.output.atomic import sweep_temp_files
 from itmo_video.output.folder import OutputFolder
 from itmo_video.output.manifest import read_manifest
 from itmo_video.settings import Settings
@@ -112,6 +113,7 @@ def make_chunk(chunk: Chunk) -> Outcome:
             " the same command again.",
         )
     clip = _clip(chunk)
+    _sweep_once(chunk.output)
     plan = make_plan(clip, make_look(chunk.settings), chunk.run)
     shots = (ShotLook(first, last, make_look(own)) for first, last, own in chunk.shots)
     plan = replace(plan, shots=tuple(shots))
@@ -175,7 +177,7 @@ def _clip(chunk: Chunk) -> Clip:
             where=chunk.source,
             remedy="All workers must see it under this path; then run the same command again.",
         ) from error
-    clip = _open_once(chunk.source, options, stat.st_mtime_ns, stat.st_size, chunk.output)
+    clip = _open_once(chunk.source, options, stat.st_mtime_ns, stat.st_size)
     if clip.info.digest != chunk.digest:
         raise InputError(
             f"the worker on {socket.gethostname()} sees another file there",
@@ -186,8 +188,11 @@ def _clip(chunk: Chunk) -> Clip:
 
 
 @functools.lru_cache(maxsize=2)  # opening reads all packets of a film, too expensive for each chunk
-def _open_once(source: str, options: InputOptions, mtime: int, size: int, output: str) -> Clip:
-    clip = open_clip(source, options)
-    # A worker that replaces a killed one cleans up after it; only its own machine can.
-    OutputFolder(output, clip.info.stem).sweep_temp_files()
-    return clip
+def _open_once(source: str, options: InputOptions, mtime: int, size: int) -> Clip:
+    return open_clip(source, options)
+
+
+@functools.lru_cache(maxsize=2)
+def _sweep_once(output: str) -> None:
+    """A worker that replaces a killed one cleans up after it; only its own machine can."""
+    sweep_temp_files(output)
