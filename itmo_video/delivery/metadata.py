@@ -52,7 +52,7 @@ class Mastering:
         )
 
     def box(self) -> bytes:
-        """The payload of an `mdcv` box or PNG's mDCV chunk, in the order given by callers."""
+        """The payload of an `mdcv` box (ISO/IEC 14496-12): green, blue, red, white."""
         rx, ry, gx, gy, bx, by, wx, wy = (round(v * 50000) for v in self.chromaticities)
         top, low = in_32_bits(self.peak_nits), in_32_bits(self.black_nits)
         return struct.pack(">8H2I", gx, gy, bx, by, rx, ry, wx, wy, top, low)

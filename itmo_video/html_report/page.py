@@ -70,7 +70,7 @@ def report(
 
 
 def report_gate(folder: Path, options: ReportOptions, manifest: Manifest | None) -> Gate:
-    """The start of a report's file name."""
+    """Where a report goes, and what it may replace there: an old report at FOLDER/report.html."""
     return Gate(
         options.output if options.output is not None else folder / REPORT_NAME,
         PAGE,

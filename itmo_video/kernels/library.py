@@ -91,7 +91,7 @@ def library() -> ctypes.CDLL | None:
 
 
 def state() -> str:
-    """The compiled library or None, and whether the kernels run, with the reason if not."""
+    """Whether the compiled kernels run, with the reason if not."""
     return _found()[1]
 
 

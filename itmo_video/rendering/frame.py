@@ -42,7 +42,7 @@ def render(
     """Expand one frame; `map_small` is its map at analysis size, None for a map of 1 everywhere.
 
     A map (H, W, 3) weights each channel separately; layers then hold their mean by eq. 1.
-    `guide` is its `guide.analysis_guide`, where that is available.
+    `guide` is its `analysis_guide`, made here if None.
 
     The result is LDR + map * (expanded - LDR), computed as a gain on linear RGB, which preserves
     the hue (eq. 3); in the output primaries, in units of SDR white, within half float's range.

@@ -11,7 +11,7 @@ _CRF = 18
 
 
 def avif_still(shown: Shown, settings: Settings) -> bytes:
-    """A picture as a 10-bit PQ AVIF, as `preview --frame` writes it."""
+    """A picture as a 10-bit PQ AVIF to look at: no light levels; `preview --frame` is finer."""
     white = settings.white_nits
     peak = settings.l_max_effective * white
     planes, _ = hdr.master_frame(
