@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from fractions import Fraction
 from typing import Any, cast, get_args
 
 import numpy as np
@@ -11,11 +10,10 @@ import numpy.typing as npt
 
 from itmo_video.colour.transfer import inverse_eotf
 from itmo_video.errors import AlreadyHdrError, DamagedInputError, UsageError
-from itmo_video.model import Code, Encoding, Frame, Primaries, Transfer
+from itmo_video.model import ASSUMED_SEQUENCE_RATE, Code, Encoding, Frame, Primaries, Transfer
 from itmo_video.settings import Settings
 
 PRIMARIES: tuple[Primaries, ...] = get_args(Primaries)
-_RATE = Fraction(24)  # arrays have no times, and pictures do not depend on them
 _OF_FILES = ("matrix", "range", "deinterlace", "fps", "stream", "raw")
 
 
@@ -85,7 +83,8 @@ class ArrayFrames:
         # Copies: the caller may reuse the array for the next picture.
         planes = cast(tuple[Code, ...], tuple(codes[..., i].copy() for i in range(3)))
         encoding = Encoding("rgb", bit_depth, "bt709", "full", transfer, self._primaries)
-        return Frame(index, index / _RATE, planes, encoding)
+        # Arrays have no times, and pictures do not depend on them.
+        return Frame(index, index / ASSUMED_SEQUENCE_RATE, planes, encoding)
 
 
 def _transfer_of(picture: npt.NDArray[Any], transfer: str, where: str) -> Transfer:

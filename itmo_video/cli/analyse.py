@@ -77,7 +77,6 @@ def _analyse(args: argparse.Namespace) -> int:
 def _metadata(args: argparse.Namespace, run: RunOptions) -> int:
     from itmo_video.delivery.dynamic_metadata import as_text, dolby_vision, hdr10plus
     from itmo_video.delivery.light_levels import encoder_options, film_light_levels
-    from itmo_video.delivery.metadata import mastering
     from itmo_video.delivery.shot_light import film_light_by_shots
 
     if args.output is not None:
@@ -109,7 +108,7 @@ def _metadata(args: argparse.Namespace, run: RunOptions) -> int:
             film = film_light_by_shots(args.input, settings, run, on_event, args.shots)
             light, peak = film.light, film.peak_nits
     for kind, gate in gates.items():
-        gate.write(as_text(kind(film, mastering(peak))).encode())
+        gate.write(as_text(kind(film)).encode())
         if not args.quiet:
             print(f"itmo-video: {gate.path}: {counted(len(film.shots), 'shot')}", file=sys.stderr)
     if args.hdr10:

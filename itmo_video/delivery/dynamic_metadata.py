@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from itmo_video.colour.transfer import pq_code
-from itmo_video.delivery.metadata import Mastering
+from itmo_video.delivery.metadata import mastering
 from itmo_video.delivery.shot_light import FilmLight, ShotLight, starts_and_lengths
 
 # The names of ST 2094-40's nine values, which are percentiles except for two that HDR10+ has
@@ -25,11 +25,10 @@ _SHARE_OF_100_NITS = 10
 MIN_PQ_AT_MOST, MAX_PQ_AT_LEAST, AVG_PQ_AT_LEAST = 12, 2081, 1229
 
 
-def hdr10plus(film: FilmLight, mastering: Mastering | None = None) -> dict[str, Any]:
+def hdr10plus(film: FilmLight) -> dict[str, Any]:
     """The document for `hdr10plus_tool inject` and `x265 --dhdr10-info`: one entry per frame.
 
-    `mastering` is not part of it. Light is linear max(R, G, B) in tenths of a nit, over all pixels
-    of the shot.
+    Light is linear max(R, G, B) in tenths of a nit, over all pixels of the shot.
     """
     entries = [
         {
@@ -53,16 +52,17 @@ def hdr10plus(film: FilmLight, mastering: Mastering | None = None) -> dict[str, 
     }
 
 
-def dolby_vision(film: FilmLight, mastering: Mastering) -> dict[str, Any]:
+def dolby_vision(film: FilmLight) -> dict[str, Any]:
     """The document for `dovi_tool generate -j`: level 1 per shot, level 6 as in HDR10."""
     cll, fall = film.light.as_integers
+    display = mastering(film.peak_nits)
     return {
         "cm_version": "V40",
         "profile": "8.1",
         "length": film.frames,
         "level6": {
-            "max_display_mastering_luminance": round(mastering.peak_nits),
-            "min_display_mastering_luminance": round(mastering.black_nits * 10000),
+            "max_display_mastering_luminance": round(display.peak_nits),
+            "min_display_mastering_luminance": round(display.black_nits * 10000),
             "max_content_light_level": cll,
             "max_frame_average_light_level": fall,
         },

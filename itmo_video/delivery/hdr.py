@@ -165,10 +165,10 @@ def light_to_codes(
     return peak, total / height
 
 
-def pad_even(planes: Sequence[Any], *, rows: bool = True) -> Any:
+def pad_even(planes: Sequence[Any]) -> Any:
     """The planes with their last column (row) repeated if the width (height) is odd."""
     height, width = planes[0].shape
-    down, right = height % 2 if rows else 0, width % 2
+    down, right = height % 2, width % 2
     if not (down or right):
         return tuple(planes)
     return tuple(

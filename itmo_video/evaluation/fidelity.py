@@ -125,16 +125,11 @@ def stops(test_nits: Floats, reference_nits: Floats) -> Float64:
     return np.asarray(np.log2(test.astype(np.float64) / reference))
 
 
-def zones(
-    test_nits: Floats,
-    reference_nits: Floats,
-    white_nits: float = 203.0,
-    edges: Sequence[float] = ZONE_EDGES,
-) -> tuple[Zone, ...]:
-    """Error in stops by zone of true luminance; `edges` ascend, in stops relative to SDR white."""
+def zones(test_nits: Floats, reference_nits: Floats, white_nits: float = 203.0) -> tuple[Zone, ...]:
+    """Error in stops by zone of true luminance, between ZONE_EDGES."""
     error = stops(test_nits, reference_nits)
     height = np.log2(np.maximum(reference_nits, DARKEST_NITS) / white_nits)
-    bounds = (-math.inf, *edges, math.inf)
+    bounds = (-math.inf, *ZONE_EDGES, math.inf)
     found = []
     for lower, upper in pairwise(bounds):
         inside = error[(height >= lower) & (height < upper)]

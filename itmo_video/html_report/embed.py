@@ -13,7 +13,6 @@ import numpy.typing as npt
 from itmo_video.delivery import sdr
 from itmo_video.delivery.lettering import RgbPicture
 from itmo_video.delivery.pictures import Picture
-from itmo_video.model import Float32
 
 CODES = 2047  # 11 bits: steps of 0.8 % over 24 stops, so an error of at most 0.4 %
 LOWEST_STOP = -12
@@ -50,12 +49,6 @@ def codes_of(linear: RgbPicture, top: int) -> npt.NDArray[np.uint16]:
     stops = np.log2(np.maximum(linear, 2.0 ** (LOWEST_STOP - 1)))
     code = np.round((stops - LOWEST_STOP) / (top - LOWEST_STOP) * (CODES - 1)) + 1
     return np.asarray(np.clip(code, 0, CODES), np.uint16)
-
-
-def light_of(codes: npt.NDArray[np.uint16], top: int) -> Float32:
-    """The light that the viewer decodes from codes: the inverse of `codes_of`."""
-    stops = (codes.astype(np.float32) - 1) / (CODES - 1) * (top - LOWEST_STOP) + LOWEST_STOP
-    return np.where(codes == 0, np.float32(0), np.exp2(stops)).astype(np.float32)
 
 
 def embed(picture: Picture, primaries: str, peak: float, width: int) -> Embedded:

@@ -118,14 +118,13 @@ def measure(
     counts, _ = np.histogram(
         stops, (HIGHEST_STOP - LOWEST_STOP) * BINS_A_STOP, (LOWEST_STOP, HIGHEST_STOP)
     )
-    low, *_ = percentiles = np.percentile(luminance, PERCENTILES) * white_nits
-    assert low is not None
+    percentiles = np.percentile(luminance, PERCENTILES) * white_nits
     map_full = picture.layers.get("expand_map.Y")
     map_small = None if map_full is None else _small(np.asarray(map_full, np.float32))
     facts = FrameFacts(
         picture.index, picture.number, picture.time_s, hdr.frame_light(nits),
         float(luminance.max()) * white_nits, float(luminance.mean()) * white_nits,
-        tuple(float(p) for p in percentiles),
+        tuple(percentiles.tolist()),
         float(np.mean(luminance >= 0.98 * peak_nits / white_nits)), broken,
         None if map_small is None else float(map_small.mean()),
     )  # fmt: skip

@@ -166,10 +166,10 @@ def averaged_codes_linear(frame: Frame, map_width: int) -> linear_light.Planes:
     return linear_light.to_rgb_linear(replace(frame, planes=planes), clip=True)
 
 
-def mean_rendering(renderings: Sequence[Rendering], footage: str = "auto") -> Rendering:
+def mean_rendering(renderings: Sequence[Rendering]) -> Rendering:
     """The mean of a shot's renderings, of which there must be one."""
     measures = np.mean([one.measures for one in renderings], axis=0).tolist()
-    return replace(Rendering(*measures), footage=footage)
+    return Rendering(*measures)
 
 
 def curve_weight(rgb_linear: Float32, rendering: Rendering, lamps: float) -> Float32:

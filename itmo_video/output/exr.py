@@ -186,15 +186,6 @@ def _part(data: bytes, wanted: str | None, where: str) -> ExrImage:
     return ExrImage(channels, dict(parts[at].header))
 
 
-def is_whole(path: StrPath) -> bool:
-    """Whether `path` exists and all its channels can be read."""
-    try:
-        read_exr(path)
-    except InputError:
-        return False
-    return True
-
-
 def _checked_channels(
     rgb: tuple[Half, Half, Half], alpha: Half | None, layers: Mapping[str, Half | Float32]
 ) -> dict[str, npt.NDArray[Any]]:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 from itmo_video.model import Code, Encoding
 from itmo_video.source.planes import full_chroma
 
@@ -44,4 +42,4 @@ def cropped(
         across, down = -(-width // plane.shape[1]), -(-height // plane.shape[0])
         rows = slice(crop[1] // down, -(-bottom // down))
         out.append(plane[rows, crop[0] // across : -(-right // across)])
-    return tuple(out), replace(encoding)
+    return tuple(out), encoding

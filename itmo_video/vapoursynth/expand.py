@@ -7,12 +7,13 @@ from collections import deque
 from collections.abc import Generator
 from concurrent.futures import ThreadPoolExecutor
 from threading import Lock
-from typing import Any, cast
+from typing import Any, NoReturn, cast
 
 import numpy as np
 import vapoursynth as vs
 
 from itmo_video.conversion.run_options import RunOptions
+from itmo_video.errors import DamagedInputError
 from itmo_video.look import Look, make_look
 from itmo_video.motion.keyframes import Span
 from itmo_video.presets import make_settings
@@ -102,6 +103,9 @@ class _Expander:
         self._held.clear()
         (run,) = spans.plan_runs([index], self._look)
         onwards = spans.Run(run.start, run.keys, range(index, sys.maxsize))
-        errors: list[Exception] = []
-        coming = spans.spans_of(self._frames, onwards, self._look, errors.append, self._pool)
+        coming = spans.spans_of(self._frames, onwards, self._look, _refuse, self._pool)
         self._coming, self._next = cast(Generator[Span, None, None], coming), index
+
+
+def _refuse(error: DamagedInputError) -> NoReturn:
+    raise error  # otherwise frames before the end would be rendered as if the clip ended there

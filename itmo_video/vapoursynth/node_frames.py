@@ -11,7 +11,7 @@ import numpy as np
 import vapoursynth as vs
 
 from itmo_video.errors import AlreadyHdrError, UsageError
-from itmo_video.model import ChromaSiting, Code, Encoding, Family, Frame
+from itmo_video.model import ASSUMED_SEQUENCE_RATE, ChromaSiting, Code, Encoding, Family, Frame
 from itmo_video.settings import Settings
 from itmo_video.source.files import MAX_PIXELS
 from itmo_video.source.opening import input_options
@@ -39,7 +39,7 @@ class NodeFrames:
                 raise UsageError(f"{name} does not apply to VapourSynth clips", remedy="Omit it.")
         _check_format(node)
         self._node = node
-        self._rate = Fraction(node.fps) or Fraction(24)  # 0 where it varies
+        self._rate = Fraction(node.fps) or ASSUMED_SEQUENCE_RATE  # 0 where it varies
         with node.get_frame(0) as first:
             self._encoding, self.notices = _encoding(node, dict(first.props), settings)
 

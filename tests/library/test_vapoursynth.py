@@ -13,10 +13,13 @@ from clips import moving_scene, write_ffv1
 
 from itmo_video import AlreadyHdrError, UsageError, convert, make_settings, open_clip, open_result
 from itmo_video.colour.transfer import pq_code
+from itmo_video.errors import DamagedInputError
+from itmo_video.model import Frame
 
 vs = pytest.importorskip("vapoursynth")
 
 from itmo_video.vapoursynth import expand  # noqa: E402 - it needs VapourSynth
+from itmo_video.vapoursynth.node_frames import NodeFrames  # noqa: E402
 
 Format = Callable[[], Any]
 
@@ -100,6 +103,23 @@ def test_a_frame_asks_for_a_bounded_window(tmp_path: Path) -> None:
     assert 200 in asked
     assert min(asked) >= 150
     assert max(asked) <= 250
+
+
+def test_a_clip_that_breaks_off_is_no_shorter_clip(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    node = expand(node_of(film_of(tmp_path / "film.mkv", 8)))
+    whole = NodeFrames.frames
+
+    def broken(frames: NodeFrames, start: int = 0) -> Iterator[Frame]:
+        for frame in whole(frames, start):
+            if frame.index == 3:
+                raise DamagedInputError("frame 3 is damaged")
+            yield frame
+
+    monkeypatch.setattr(NodeFrames, "frames", broken)
+    with pytest.raises(vs.Error, match="frame 3 is damaged"):
+        picture(node, 0)
 
 
 def test_properties_say_how_codes_are_read(tmp_path: Path) -> None:

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import dataclasses
 from fractions import Fraction
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from itmo_video.errors import InputError
 from itmo_video.model import Half
 from itmo_video.output import exr
 
@@ -41,3 +43,12 @@ def picture(height: int, width: int, seed: int = 0) -> tuple[Half, Half, Half]:
         for k in range(3)
     )  # fmt: skip
     return red, green, blue
+
+
+def is_whole(path: Path) -> bool:
+    """Whether the file is there and all its channels can be read."""
+    try:
+        exr.read_exr(path)
+    except InputError:
+        return False
+    return True

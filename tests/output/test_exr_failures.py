@@ -75,7 +75,7 @@ def test_an_interrupt_leaves_no_temporary_file(
 WRITE_UNTIL_FULL = """
     import dataclasses, sys
     sys.path.insert(0, sys.argv[2])
-    from exr_pictures import HEADER, picture
+    from exr_pictures import HEADER, is_whole, picture
     from itmo_video import errors
     from itmo_video.output import exr
     try:
@@ -89,7 +89,7 @@ WRITE_UNTIL_FULL = """
     except errors.OutputError as error:
         import os
         names = os.listdir(sys.argv[1])
-        whole = [exr.is_whole(f"{sys.argv[1]}/{name}") for name in names]
+        whole = [is_whole(f"{sys.argv[1]}/{name}") for name in names]
         print(number == len(names) > 0, all(whole), "space" in str(error), error.exit_code)
 """
 
