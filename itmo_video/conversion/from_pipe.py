@@ -8,6 +8,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
+from itmo_video.conversion.file_size import check_file_size
 from itmo_video.conversion.frame_ranges import format_ranges, parse_ranges
 from itmo_video.conversion.left_frames import left_frames
 from itmo_video.conversion.plan import Plan
@@ -58,6 +59,8 @@ def pipe_plan(clip: PipeClip, look: Look, run: RunOptions) -> Plan:
     if run.analysis is not None:
         raise UsageError("--analysis cannot be used with a pipe", remedy="Convert the file itself.")
     info = clip.info
+    if not run.null:
+        check_file_size(info, look.settings)
     jobs = run.jobs or spans.default_jobs()
     wide = 1 if info.encoding.bit_depth == 8 else 2
     memory = spans.memory_bound_bytes(*info.display_size, wide, look, jobs)

@@ -11,6 +11,7 @@ from typing import Any
 
 from itmo_video.analysis.lamps import lamps_notices
 from itmo_video.analysis.model import Analysis
+from itmo_video.conversion.file_size import check_file_size
 from itmo_video.conversion.frame_ranges import format_ranges, parse_ranges
 from itmo_video.conversion.run_options import RunOptions
 from itmo_video.errors import UsageError
@@ -167,6 +168,8 @@ def make_plan(clip: Clip, look: Look, run: RunOptions) -> Plan:
     width, height = info.display_size
     wide = 1 if info.encoding.bit_depth == 8 else 2
     _check_timecode(info, look.settings)
+    if not run.null:
+        check_file_size(info, look.settings)
     shots = shot_looks(info, look.settings, run.analysis)
     looks = (look, *(shot.look for shot in shots))
     memory = max(spans.memory_bound_bytes(width, height, wide, own, jobs) for own in looks)
