@@ -32,7 +32,7 @@ def _compiled_luminance(
     ratio: Float32 | None = None,
     out: Float32 | None = None,
 ) -> Float32:
-    return compiled.drive(loaded, rgb, LUMINANCE_WEIGHTS_BANTERLE2006, ratio, out)
+    return compiled.weighted_sum(loaded, rgb, LUMINANCE_WEIGHTS_BANTERLE2006, ratio, out)
 
 
 @with_compiled_form(_compiled_luminance)

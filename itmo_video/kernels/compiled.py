@@ -67,7 +67,7 @@ def in_lines(plane: Plane) -> Plane:
     return cast(Plane, np.ascontiguousarray(plane, plane.dtype.newbyteorder("=")))
 
 
-def drive(
+def weighted_sum(
     loaded: ctypes.CDLL,
     rgb: Sequence[Float32],
     weights: Sequence[float],
@@ -81,7 +81,7 @@ def drive(
     out = np.empty_like(rgb[0]) if out is None else out
     factor = np.array(weights, np.float32)
     alike(*rgb, ratio, out)
-    loaded.itmo_drive(
+    loaded.itmo_weighted_sum(
         *rgb, factor,
         ratio, out.size, out,
     )  # fmt: skip

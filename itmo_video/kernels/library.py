@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-_VERSION = 25  # of the kernels
+_VERSION = 26  # of the kernels
 
 
 class _Array:
@@ -54,7 +54,7 @@ _ARGUMENTS = {
     "pack_literals": "BnnBL",
     "ycbcr_rows": "pppnLn" + "nnnnnnn" + "FFFF" + "FFF",
     "halved_light": "pppnLn" + "nnnnnnn" + "FFFF" + "FFF",
-    "drive": "FFFFFnF",
+    "weighted_sum": "FFFFFnF",
     "camera_model": "DDDDn" + "DndDD",
     "guided_coefficients": "FFnnnfFD" + "FFFF",
     "guide_rows": "pnnff" + "nnnn" + "Fnnn" + "LFIF" + "nnF" + "FF",

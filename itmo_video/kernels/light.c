@@ -63,9 +63,10 @@ CLONED void itmo_halved_light(const uint8_t *luma, const uint8_t *cb, const uint
     }
 }
 
-/* See compiled.drive. */
-CLONED void itmo_drive(const float *red, const float *green, const float *blue, const float *weights,
-                       const float *ratio, int64_t count, float *restrict out)
+/* See compiled.weighted_sum. */
+CLONED void itmo_weighted_sum(const float *red, const float *green, const float *blue,
+                              const float *weights, const float *ratio, int64_t count,
+                              float *restrict out)
 {
     for (int64_t i = 0; i < count; i++) {
         float light = (red[i] * weights[0] + green[i] * weights[1]) + blue[i] * weights[2];

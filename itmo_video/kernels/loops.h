@@ -52,8 +52,8 @@ void itmo_halved_light(const uint8_t *luma, const uint8_t *cb, const uint8_t *cr
     int64_t chroma_width, int64_t chroma_height, int64_t first, int64_t rows, int64_t site_x,
     int64_t site_y, const float *levels, const float *matrix, const float *power, float *scratch,
     float *red, float *green, float *blue);
-void itmo_drive(const float *red, const float *green, const float *blue, const float *weights,
-    const float *ratio, int64_t count, float *restrict out);
+void itmo_weighted_sum(const float *red, const float *green, const float *blue,
+    const float *weights, const float *ratio, int64_t count, float *restrict out);
 void itmo_gain_banterle2006(const float *luminance, float slope, float factor, int64_t count,
     float *restrict out);
 void itmo_gain_auto(const float *red, const float *green, const float *blue, const float *ratio,

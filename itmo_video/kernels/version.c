@@ -2,5 +2,5 @@
 
 int itmo_version(void)
 {
-    return 25;
+    return 26;
 }

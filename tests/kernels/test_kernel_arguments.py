@@ -44,9 +44,9 @@ def test_the_table_is_that_of_the_header() -> None:
 
 
 def light(plane: np.ndarray[Any, Any], **other: Any) -> None:
-    """Call `drive` with one argument of another kind."""
+    """Call `weighted_sum` with one argument of another kind."""
     arguments = {"ratio": None, "out": None, **other}
-    compiled.drive(loaded, [PLANE, PLANE, plane], (0.2, 0.7, 0.1), **arguments)
+    compiled.weighted_sum(loaded, [PLANE, PLANE, plane], (0.2, 0.7, 0.1), **arguments)
 
 
 CODES = np.full((6, 8), 100, np.uint8)

@@ -18,7 +18,7 @@ from itmo_video.colour.analysis_picture import analysis_guide
 from itmo_video.colour.strips import strips
 from itmo_video.expand_map.key_map import make_key_map
 from itmo_video.kernels import library
-from itmo_video.kernels.compiled import drive
+from itmo_video.kernels.compiled import weighted_sum
 from itmo_video.kernels.compiled_light import CodesToLight, ycbcr_rows
 from itmo_video.look import make_look
 from itmo_video.model import Family, Frame
@@ -93,7 +93,7 @@ def test_drive(with_ratio: bool) -> None:
     weights = (0.213, 0.715, 0.072)
     want = sum(w * plane.astype(np.float64) for w, plane in zip(weights, rgb, strict=True))
     want = np.clip(want * (1 if ratio is None else ratio), 0, 1)
-    np.testing.assert_allclose(drive(loaded, rgb, weights, ratio), want, atol=1e-6)
+    np.testing.assert_allclose(weighted_sum(loaded, rgb, weights, ratio), want, atol=1e-6)
 
 
 @needs_kernels
