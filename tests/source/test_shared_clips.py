@@ -65,7 +65,7 @@ REFUSED: dict[str, tuple[type[InputError | AlreadyHdrError], str]] = {
     "odd_clips/invalid-codec.mp4": (InputError, "codec is not supported"),
     "odd_clips/nasa_13013_hdr.mp4": (AlreadyHdrError, "PQ"),
     "odd_clips/not_a_video.mp4": (InputError, "not a readable video"),
-    "odd_clips/truncated_no_moov.mp4": (InputError, "not a readable video"),
+    "odd_clips/truncated_no_moov.mp4": (InputError, "no index"),
     "odd_clips/zero_byte.webm": (InputError, "empty"),
 }
 
