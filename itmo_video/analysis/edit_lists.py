@@ -37,7 +37,7 @@ def read_edit(path: str | Path, info: ClipInfo) -> list[Range]:
     read, UsageError if its times do not match frames of the clip.
     """
     if not is_edit_list(path):
-        raise UsageError(f"{path}: edit lists must be {', '.join(SUFFIXES)}")
+        raise UsageError(f"edit lists must be {', '.join(SUFFIXES)}", where=str(path))
     otio, text = _otio(), read_text(path)
     is_edl = Path(path).suffix.lower() == ".edl"
     if not is_edl:
@@ -81,7 +81,7 @@ def edit_of(analysis: Analysis, info: ClipInfo, suffix: str) -> str:
         time = otio.opentime.RationalTime
         return otio.opentime.TimeRange(time(first, rate), time(frames, rate))
 
-    begin = _frames_before(code, base, is_drop)
+    begin = _frames_before(code, base, is_drop, info.path)
     timeline = otio.schema.Timeline(Path(info.path).stem)
     hour = timecode.count_of("01:00:00:00", base, is_drop)
     timeline.global_start_time = otio.opentime.RationalTime(hour, rate)
@@ -137,10 +137,14 @@ def _nominal(rate: Fraction) -> int:
     return max(1, round(rate))
 
 
-def _frames_before(code: str, base: int, is_drop: bool) -> int:
+def _frames_before(code: str, base: int, is_drop: bool, where: str) -> int:
     count = timecode.count_of(code, base, is_drop)
     if count is None or int(code[-2:]) >= base:
-        raise UsageError(f"timecode {code} is not possible in an edit list at {base} fps")
+        raise UsageError(
+            f"timecode {code} is not possible in an edit list at {base} fps",
+            where=where,
+            remedy="Write the shots as .json, or correct the clip's timecode.",
+        )
     return count
 
 

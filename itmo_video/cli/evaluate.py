@@ -60,7 +60,7 @@ def _evaluate(args: argparse.Namespace) -> int:
     found = evaluate(args.test, options_of(args, EvaluateOptions), progress.on_event)
     progress.close()
     print(_as_json(found) if args.json else _as_text(found))
-    _judge(found.figures, above, below)
+    _judge(args.test, found.figures, above, below)
     return 0
 
 
@@ -95,7 +95,10 @@ def _as_text(found: Evaluation) -> str:
 
 
 def _judge(
-    figures: Mapping[str, float], above: list[tuple[str, float]], below: list[tuple[str, float]]
+    test: str,
+    figures: Mapping[str, float],
+    above: list[tuple[str, float]],
+    below: list[tuple[str, float]],
 ) -> None:
     for name, _ in above + below:
         if name not in figures:
@@ -109,4 +112,8 @@ def _judge(
         or (figures[name] > limit if word == "above" else figures[name] < limit)
     ]
     if failed:
-        raise CheckFailedError("; ".join(failed))
+        raise CheckFailedError(
+            "; ".join(failed),
+            where=test,
+            remedy="See the frames and shots named in the table, or change the limit.",
+        )

@@ -16,14 +16,21 @@ from itmo_video.errors import OutputError
 Box = tuple[bytes, bytes]
 
 
-def with_light(avif: bytes, mastering: Mastering, light: Light) -> bytes:
-    """The file with both properties added to its single picture; OutputError for other layouts."""
+def with_light(avif: bytes, mastering: Mastering, light: Light, where: str) -> bytes:
+    """The file with both properties added to its single picture; OutputError for other layouts.
+
+    `where` is its name, for the error.
+    """
     cll, fall = light.as_integers
     added = ((b"clli", struct.pack(">2H", cll, fall)), (b"mdcv", mastering.box()))
     try:
         return _with_properties(avif, added)
     except (struct.error, ValueError, StopIteration) as error:
-        raise OutputError("light levels cannot be added to the AVIF") from error
+        raise OutputError(
+            "light levels cannot be added to an AVIF of this layout",
+            where=where,
+            remedy="Name it .png, which states them, too.",
+        ) from error
 
 
 def _with_properties(avif: bytes, added: Sequence[Box]) -> bytes:

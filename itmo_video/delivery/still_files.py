@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 
 from itmo_video.colour.transfer import BT1886_GAMMA
@@ -62,18 +64,23 @@ def write_still(
             return stills.sdr_still(sdr_view(picture, pictures, options), suffix), _NO_LIGHT
         if suffix in JPEG:
             return _gain_map(picture, pictures, options)
-        return _hdr_still(suffix, picture, pictures, options)
+        return _hdr_still(gate.path, picture, pictures, options)
 
     made = next(pictures.mapped(make), None)
     if made is None:
-        raise DamagedInputError(f"frame {pictures.numbers[0]} cannot be decoded")
+        raise DamagedInputError(
+            f"frame {pictures.numbers[0]} cannot be decoded",
+            where=None if pictures.clip is None else str(pictures.clip),
+            remedy="Choose another one with --frame.",
+        )
     return made[1], gate.write(made[0])
 
 
 def _hdr_still(
-    suffix: str, picture: Picture, pictures: Pictures, options: PreviewOptions
+    path: Path, picture: Picture, pictures: Pictures, options: PreviewOptions
 ) -> tuple[bytes, Light]:
     """A still in PQ or HLG, with its light levels if the format can store them."""
+    suffix = path.suffix.lower()
     rgb, primaries, white = light_of(picture, pictures, options)
     signal, peak = signal_of(options), shown_peak(pictures, options)
     curve: Curve = "hlg" if signal == "hlg" else "pq"
@@ -86,7 +93,7 @@ def _hdr_still(
         crf = crf_of(options)
         height, width = rgb[0].shape  # the codes are padded to even sizes
         still = encode_avif(planes, AVIF_CRF if crf is None else crf, signal, (width, height))
-        return with_light(still, stated, light) if curve == "pq" else still, light
+        return with_light(still, stated, light, str(path)) if curve == "pq" else still, light
     nits = hdr.to_nits_2020(rgb, primaries, white, pictures.peak_nits)
     nits = to_display(nits, pictures.peak_nits, options.display_peak)
     code, light = hdr.encode_nits(nits, curve, peak), hdr.frame_light(nits)

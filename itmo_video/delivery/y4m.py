@@ -141,4 +141,8 @@ def _descriptor(path: Path) -> int:
         sys.stdout.flush()
         return os.dup(sys.stdout.fileno())
     except OSError as error:
-        raise OutputError("standard output cannot be written") from error
+        raise OutputError(
+            f"cannot be written ({error.strerror})",
+            where="standard output",
+            remedy="Pipe it: ... - | x265 --y4m - -o film.hevc",
+        ) from error

@@ -228,7 +228,10 @@ class _Running:
     def _change(self, a: _Seen, b: _Seen) -> tuple[float, float]:
         if self._origins is not None:
             if b.index >= len(self._origins):
-                raise UsageError(f"the motion ends before frame {b.index}")
+                raise UsageError(
+                    f"the motion ends before frame {b.index}",
+                    remedy="Give --motion a file with an origin for each frame of the clip.",
+                )
             (xa, ya), (xb, yb) = self._origins[a.index], self._origins[b.index]
             dx_px, dy_px = (xb - xa) * b.reduction[0], (yb - ya) * b.reduction[1]
             flow, valid = flicker.known_flow(b.gain_stops.shape[:2], dx_px, dy_px)

@@ -17,7 +17,6 @@ from itmo_video.colour.transfer import BT1886_GAMMA
 from itmo_video.delivery import hdr
 from itmo_video.delivery.hdr import Light
 from itmo_video.delivery.pictures import Picture
-from itmo_video.errors import DamagedInputError
 from itmo_video.evaluation import flicker
 from itmo_video.model import Code, Float32, Float64
 from itmo_video.motion.cut_detection import TINY_SIZE, analyse_frame, place
@@ -139,13 +138,11 @@ def measure(
 def film_facts(frames: Iterable[Measured], key_interval: int) -> FilmFacts:
     """Combine frames in presentation order; finds cuts and keyframes as the conversion does.
 
-    Keeps the small pictures of a few neighbours only, however long the film is. Raises
-    DamagedInputError if there are no frames.
+    Keeps the small pictures of a few neighbours only, however long the film is. There must be one
+    frame.
     """
     source = iter(frames)
-    first = next(source, None)
-    if first is None:
-        raise DamagedInputError("no frame can be read")
+    first = next(source)
     start, total = first.index, np.zeros_like(first.histogram)
     facts: list[FrameFacts] = []
     cuts: list[int] = []

@@ -20,7 +20,7 @@ from itmo_video.output.exr import ExrImage, read_exr
 from itmo_video.output.fingerprint import fingerprints_told
 from itmo_video.output.folder import OutputFolder
 from itmo_video.output.frame_form import FrameForm, colour_attributes
-from itmo_video.output.manifest import Manifest, read_manifest
+from itmo_video.output.manifest import MANIFEST_NAME, Manifest, read_manifest
 from itmo_video.output.settings_changes import frames_changes
 from itmo_video.settings import Settings, settings_from
 from itmo_video.source.opening import Clip, input_options, open_clip
@@ -261,17 +261,18 @@ def find_converted(folder: Path) -> Converted | None:
         output = OutputFolder(folder, manifest.stem)
     except (UsageError, ValueError, TypeError) as error:
         what = error.what if isinstance(error, UsageError) else str(error)
-        raise InputError(f"the manifest is invalid: {what}", where=str(folder)) from error
+        raise InputError(
+            f"the manifest is invalid: {what}",
+            where=str(folder),
+            remedy=f"Restore {MANIFEST_NAME}, or convert into another folder.",
+        ) from error
     files = {number: output.frame_path(number) for number in output.frame_numbers()}
     return Converted(folder, manifest, settings, shots, first, files)
 
 
 def rgb_of(image: ExrImage) -> tuple[Half, Half, Half]:
-    """R, G and B of an EXR file; raises InputError if one is missing."""
-    try:
-        return image.channels["R"], image.channels["G"], image.channels["B"]
-    except KeyError as error:
-        raise InputError(f"the EXR file has no channel {error}") from error
+    """R, G and B of a converted frame, which `Converted.read` has checked."""
+    return image.channels["R"], image.channels["G"], image.channels["B"]
 
 
 def _known(values: Mapping[str, Any]) -> dict[str, Any]:

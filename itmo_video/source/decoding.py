@@ -62,7 +62,7 @@ class Decoder:
                         packets = self._without_broken(packets, on_error)
                     if way == "strict" and self.codec == "ffv1":
                         packets = _with_true_sums(packets, on_error)
-                    yield from decode_all(context, packets, on_error)
+                    yield from decode_all(context, packets, str(self.path), on_error)
                     return
 
     def _as_scanned(self, packets: Iterator[Any]) -> Iterator[Any]:
@@ -139,9 +139,13 @@ def _with_true_sums(packets: Iterator[Any], on_error: Callable[[Any], bool]) -> 
 def decode_all(
     context: Any,
     packets: Iterator[Any],
+    where: str,
     on_error: Callable[[Any], bool] = lambda packet: False,
 ) -> Iterator[Any]:
-    """The frames of packets in presentation order, skipping failures; flushes at the end."""
+    """The frames of packets in presentation order, skipping failures; flushes at the end.
+
+    Raises InputError, which names `where`, if FFmpeg has no decoder for them.
+    """
     while True:
         packet = next(packets, None)
         try:
@@ -152,7 +156,11 @@ def decode_all(
             if on_error(packet):
                 return
         except ValueError as error:  # PyAV 19 if FFmpeg has no decoder for the stream
-            raise InputError("its video codec is not supported") from error
+            raise InputError(
+                f"its video codec is not supported ({context.name})",
+                where=where,
+                remedy="Convert it with its maker's program, for example to ProRes or FFV1.",
+            ) from error
         yield from frames
         if packet is None or packet.size == 0:
             return

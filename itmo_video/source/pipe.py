@@ -138,8 +138,8 @@ class PipeClip(VideoClip):
         stream, base = self._stream, Fraction(self._stream.time_base or 1)
         stamps = _Stamps(self._container, stream)
         rate = stated_rate(stream, self._input.head) or ASSUMED_STREAM_RATE
-        index = 0
-        for frame in decode_all(decoder_of(stream, max_pixels), self._packets(stamps)):
+        decoder, index = decoder_of(stream, max_pixels), 0
+        for frame in decode_all(decoder, self._packets(stamps), self._where):
             if stamps.is_before_first_key(frame.pts):
                 continue
             lost = stamps.passed(frame.pts)

@@ -107,15 +107,16 @@ def test_the_picture_is_where_it_was_moved_to() -> None:
     sizes = ((64, 96), (32, 48), (32, 48))
     y, cb, cr = (rng.integers(64, 900, size).astype(np.uint16) for size in sizes)
     plain = encode_avif((y, cb, cr), 1)
-    told = with_light(plain, mastering(600), hdr.Light(590, 33))
+    told = with_light(plain, mastering(600), hdr.Light(590, 33), "a.avif")
     assert len(told) == len(plain) + 12 + 32 + 2
     at = dict(boxes(told))[b"mdat"]
     assert at == dict(boxes(plain))[b"mdat"]
     (offset,) = struct.unpack_from(">I", told, told.index(b"iloc") + 18)
     assert told[offset : offset + 64] == at[:64]
     for broken in (plain[:-5], plain.replace(b"iloc", b"iloX"), plain[:60], b""):
-        with pytest.raises(OutputError, match="light levels"):
-            with_light(broken, mastering(600), hdr.Light(590, 33))
+        with pytest.raises(OutputError, match=r"^a.avif: light levels") as refused:
+            with_light(broken, mastering(600), hdr.Light(590, 33), "a.avif")
+        assert refused.value.remedy
 
 
 def test_hlg_stills_show_the_exrs_nits(clip: Path, nits: Nits, tmp_path: Path) -> None:

@@ -147,10 +147,11 @@ def test_white_is_the_folders_own(base: Path, capsys: pytest.CaptureFixture[str]
     assert told["display"]["peak_nits"] == 1000
 
 
-def test_limits_below(base: Path) -> None:
+def test_limits_below(base: Path, capsys: pytest.CaptureFixture[str]) -> None:
     command = ["evaluate", str(base / "whole"), "--reference", str(base / "whole")]
     assert main([*command, "--fail-below", "pu21_ssim=0.9"]) == 0
     assert main([*command, "--fail-below", "pu21_ssim=1.1"]) == 7
+    assert f"{base / 'whole'}: pu21_ssim is 1, below 1.1\n" in capsys.readouterr().err
     assert main([*command, "--fail-below", "nothing=1"]) == 2
 
 

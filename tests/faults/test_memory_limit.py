@@ -68,7 +68,7 @@ def test_a_lack_of_memory_is_no_damage(monkeypatch: pytest.MonkeyPatch) -> None:
             av.error.err_check(-errno.ENOMEM)
             return []
 
-    assert list(decode_all(Poor(), iter(()))) == [], "the file claims too much"
+    assert list(decode_all(Poor(), iter(()), "a.mkv")) == [], "the file claims too much"
     monkeypatch.setattr(memory_limit, "memory_limit", lambda: 1 << 30)
     with pytest.raises(MemoryError):
-        list(decode_all(Poor(), iter(())))
+        list(decode_all(Poor(), iter(()), "a.mkv"))

@@ -77,8 +77,9 @@ def test_a_manifest_of_nonsense_is_an_input_error(
     manifest = json.loads((shots / MANIFEST_NAME).read_text())
     manifest["settings"]["shots"] = shots_told
     (tmp_path / MANIFEST_NAME).write_text(json.dumps(manifest))
-    with pytest.raises(InputError, match="manifest is invalid"):
+    with pytest.raises(InputError, match="manifest is invalid") as refused:
         find_converted(tmp_path)
+    assert MANIFEST_NAME in str(refused.value.remedy)
 
 
 def test_nobodys_folder_is_told(tmp_path: Path) -> None:
