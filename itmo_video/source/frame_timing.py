@@ -115,7 +115,7 @@ def timing_notices(
     if stated is None and not (is_timed and packets.is_exact and len(packets.pts) > 1):
         told.append(
             f"no frame rate is stated: assumed {rate} fps (if it is another, state it: "
-            "ffmpeg -r RATE -i IN -c copy OUT.mkv)"
+            "ffmpeg -r RATE -i IN -c:v ffv1 OUT.mkv)"
         )
     if is_vfr:
         told.append(
