@@ -55,7 +55,8 @@ class Look:
         about += "" if self.needs_map else ", no Expand Map"
         if self.needs_map and "lamps" in idle and self.operator.sees == "rgb":
             about += ", footage clipped"
-        return (f"{', '.join(sorted(idle))} has no effect with these settings ({about})",)
+        have = "has" if len(idle) == 1 else "have"
+        return (f"{', '.join(sorted(idle))} {have} no effect with these settings ({about})",)
 
     @property
     def _idle(self) -> set[str]:

@@ -54,7 +54,7 @@ def test_one_notice_without_a_map(tmp_path: Path, street: Path) -> None:
         street, tmp_path / "lamps", lamps=2.0, footage="tone-mapped", expand_map=False
     )
     assert said == [
-        "footage, lamps has no effect with these settings (operator auto, no Expand Map)"
+        "footage, lamps have no effect with these settings (operator auto, no Expand Map)"
     ]
     assert pixels == converted(street, tmp_path / "usual", expand_map=False)[1]
 

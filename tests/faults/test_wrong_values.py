@@ -190,12 +190,12 @@ def test_settings_without_effect_are_told(
 ) -> None:
     line = ["convert", str(clip), str(tmp_path / "o"), "--preset", "paper", "--lamps", "0"]
     assert main([*line, "--null", "--hue", "keep"]) == 0
-    told = "hue, lamps has no effect with these settings (operator banterle2006)"
+    told = "hue, lamps have no effect with these settings (operator banterle2006)"
     assert told in capsys.readouterr().err
     assert make_look(make_settings("paper", expand_map=False, lights=64)).notices
     unmapped = make_look(make_settings("default", expand_map=False, footage="clipped", lamps=2))
     assert unmapped.notices == (
-        "footage, lamps has no effect with these settings (operator auto, no Expand Map)",
+        "footage, lamps have no effect with these settings (operator auto, no Expand Map)",
     )
     assert not {"footage", "lamps"} & unmapped.settings_in_use().keys()
     assert "hue" in unmapped.settings_in_use()
