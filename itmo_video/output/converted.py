@@ -108,7 +108,7 @@ class Converted:
                 f"not a frame of this folder: its {what}",
                 where=str(path),
                 remedy="Convert with --update to render it again if only settings differ, or move "
-                "it away.",
+                "it away; `convert --verify` names all such frames.",
             )
         size = image.size if number == next(iter(self.files)) else self.size
         alpha = "A" if "A" in image.channels else ""
