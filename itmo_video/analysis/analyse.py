@@ -33,6 +33,7 @@ from itmo_video.source.clip import first_number
 from itmo_video.source.files import MAX_PIXELS
 from itmo_video.source.opening import Clip, input_options, open_clip
 from itmo_video.source.read_faults import FailingDiskError
+from itmo_video.words import counted
 
 _BINS = 1024  # of luminance coded by BT.1886, for roughly uniform perception
 _CLIPPED = 0.99  # of white, as compression makes clipped areas vary
@@ -124,8 +125,8 @@ def analyse(
     The shots are those between cuts, or those of an edit list `edit` (.otio, .edl; extra `otio`).
     Cuts and keyframes are those that a conversion with `settings` would find. With `frames`
     (numbers as in file names) only these are analysed and listed as shots. A truncated source is
-    analysed up to its end; `on_event` is called with Warned for this and for assumptions, and with
-    FrameDone for each frame; an exception from it stops the pass.
+    analysed up to its end; `on_event` is called with Warned for this, for damaged frames and for
+    assumptions, and with FrameDone for each frame; an exception from it stops the pass.
 
     >>> from itmo_video import analyse
     >>> found = analyse("clip.mkv")
@@ -153,12 +154,15 @@ def analyse(
         start = max(0, min(wanted) - 2 * CUT_REACH)  # a cut is detected from the frames around it
         looked_at = _looked_at(clip, start, wanted, settings, tallies, times, edges, on_event)
         done = 0
+        damaged: list[int] = []
         for placed in place(looked_at, settings.key_reach, start):
             index = placed.analysed.index
             begun = index if begun is None else begun
             if index not in wanted:
                 continue
             done += 1
+            if placed.analysed.frame.is_damaged:
+                damaged.append(first + index)
             on_event(FrameDone(first + index, done, len(wanted)))
             tally = tallies.pop(index)
             if placed.starts_shot and index != begun:
@@ -176,6 +180,14 @@ def analyse(
                 keys.append(first + index)
         if not shots:
             raise InputError("no frame can be decoded", where=str(source))
+    seen = {index for begin, end, _ in shots for index in range(begin, end + 1)}
+    lost = [first + index for index in sorted(wanted) if index not in seen]
+    for numbers, what in (
+        (damaged, "damaged in the source"),
+        (lost, "missing or cannot be decoded"),
+    ):
+        if numbers:
+            on_event(Warned(f"{counted(len(numbers), 'frame')} from frame {numbers[0]} on: {what}"))
     statistics = whole.statistics()
     return Analysis(
         source_name=Path(info.path).name,

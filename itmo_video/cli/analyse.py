@@ -96,6 +96,11 @@ def _metadata(args: argparse.Namespace, run: RunOptions) -> int:
         raise UsageError(
             "settings do not apply to a converted folder", where=args.input, remedy="Omit them."
         )
+    paths = (args.hdr10plus, args.dolby_vision)
+    if None not in paths and os.path.realpath(paths[0]) == os.path.realpath(paths[1]):
+        raise UsageError(
+            "--hdr10plus and --dolby-vision name the same file", remedy="Give them two names."
+        )
     gates = {
         kind: _gate(path, args, run)
         for kind, path in ((hdr10plus, args.hdr10plus), (dolby_vision, args.dolby_vision))

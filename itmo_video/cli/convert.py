@@ -12,6 +12,7 @@ from typing import Any
 from itmo_video.cli.config_file import options_said, tell_config
 from itmo_video.cli.log_file import LogFile
 from itmo_video.cli.outcome import reported
+from itmo_video.cli.progress import failure_told
 from itmo_video.cli.run_flags import add_run_options, progress_of
 from itmo_video.cli.settings_flags import add_settings, in_words, settings_of
 from itmo_video.cli.terminal import named
@@ -83,11 +84,12 @@ def _convert(args: argparse.Namespace) -> int:
         run = replace(asked, frames=frames if asked.frames is None else asked.frames)
         try:
             place = f"{number} of {count}" if count > 1 else None
-            _convert_one(args, source, output, settings, run, place)
-            if kinds and not (args.verify or args.dry_run):
-                from itmo_video.delivery.side_files import write_side_files
+            with failure_told(source, to_programs=args.json):
+                _convert_one(args, source, output, settings, run, place)
+                if kinds and not (args.verify or args.dry_run):
+                    from itmo_video.delivery.side_files import write_side_files
 
-                write_side_files(output, kinds)
+                    write_side_files(output, kinds)
         except ItmoError as error:
             if count == 1:
                 raise
@@ -135,7 +137,8 @@ def _convert_one(
             "a pipe can be read only once", remedy="Omit --verify, --dry-run and --report."
         )
     if args.verify:
-        checking.require_sound(checking.verify(source, output, settings, run))
+        notices = progress_of(args, None if place is None else source, place)
+        checking.require_sound(checking.verify(source, output, settings, run, notices.on_event))
         which = "all frames are" if run.frames is None else frames_are(run.frames)
         print(f"{output}: {which} present and intact")
         return

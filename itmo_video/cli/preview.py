@@ -9,6 +9,7 @@ from typing import Any
 
 from itmo_video.cli.config_file import options_said, tell_config
 from itmo_video.cli.option_flags import add_options, given
+from itmo_video.cli.progress import failure_told
 from itmo_video.cli.run_flags import OF_PREVIEW, add_telling, progress_of
 from itmo_video.cli.settings_flags import add_settings, in_words, settings_of
 from itmo_video.conversion.run_options import RunOptions
@@ -73,7 +74,8 @@ def _run(args: argparse.Namespace) -> int:
     progress = progress_of(args)
     if settings is not None:
         progress.detail(in_words(settings))
-    with progress.on(source) as on_event:
+    told = failure_told(source, to_programs=args.json)
+    with told, progress.on(source) as on_event:
         summary = preview(source, args.output, settings, run, options, on_event)
     if summary.max_cll and not (args.quiet or args.json):
         print(

@@ -7,7 +7,7 @@ import os
 import sys
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import TextIO
 
 from itmo_video.cli.log_file import LogFile
@@ -87,17 +87,13 @@ class Progress:
     def on(self, source: str) -> Iterator[OnEvent]:
         """Show the input's name at once, as indexing a long film takes a while; gives `on_event`.
 
-        At the end, the line is terminated. An error is reported to programs, and raised.
+        At the end, the line is terminated.
         """
         self._name = f"{self._place}{_named(source)}"
         if self._has_bar:
             self._show(f"{self._place}opening {_named(source)}"[: width_of(self._stream) - 1])
         try:
             yield self.on_event
-        except ItmoError as error:
-            if self._as_json:
-                self._tell(json.dumps(as_json(Failed(source, str(error), error.exit_code))))
-            raise
         finally:
             self.close()
 
@@ -160,6 +156,18 @@ class Progress:
     def _show(self, text: str) -> None:
         print("\r" + text.ljust(self._shown), end="", file=self._stream, flush=True)
         self._shown = len(text)
+
+
+@contextmanager
+def failure_told(source: str, *, to_programs: bool) -> Iterator[None]:
+    """Print an error about an input as an event, if `to_programs`, before it is raised."""
+    try:
+        yield
+    except ItmoError as error:
+        if to_programs:
+            with suppress(OSError, ValueError):  # nobody reads; the exit code tells
+                print(json.dumps(as_json(Failed(source, str(error), error.exit_code))), flush=True)
+        raise
 
 
 def _named(source: str) -> str:

@@ -15,12 +15,14 @@ from itmo_video.conversion.left_frames import left_frames
 from itmo_video.conversion.plan import keys_on_grid, make_plan
 from itmo_video.conversion.run_options import RunOptions
 from itmo_video.errors import CheckFailedError, OutputError
+from itmo_video.events import OnEvent, Warned, ignore
 from itmo_video.look import make_look
 from itmo_video.output import disk_space
+from itmo_video.output.exr_fingerprint import states_damage
 from itmo_video.output.folder import OutputFolder
 from itmo_video.settings import Settings
 from itmo_video.source.opening import input_options, open_clip
-from itmo_video.words import counted
+from itmo_video.words import counted, frames_are
 
 
 def describe_plan(
@@ -56,11 +58,16 @@ def describe_plan(
 
 
 def verify(
-    source: str | Path, output: str | Path, settings: Settings, run: RunOptions
+    source: str | Path,
+    output: str | Path,
+    settings: Settings,
+    run: RunOptions,
+    on_event: OnEvent = ignore,
 ) -> list[tuple[Path, str]]:
     """Check a folder against a planned conversion; (path, problem) for each fault.
 
-    If there are any, and the folder was made with other settings, these come first.
+    If there are any, and the folder was made with other settings, these come first. `on_event`
+    is called with Warned if the source of frames was damaged, which is no fault of the folder.
     """
     with open_clip(source, input_options(settings, run.max_pixels)) as clip:
         plan = make_plan(clip, make_look(settings), run)
@@ -74,6 +81,8 @@ def verify(
             folder.check(plan.manifest)
         except OutputError as error:  # a flag of the conversion was left out, most likely
             faults.insert(0, (folder.path, error.what))
+    if damaged := [n for n in plan.numbers if states_damage(folder.frame_path(n))]:
+        on_event(Warned(f"{frames_are(format_ranges(damaged))} damaged in the source"))
     return faults
 
 

@@ -46,7 +46,7 @@ OVER_BLACK = "alpha is not written: transparent pixels are over black"
 _NO_LIGHT = Light(0.0, 0.0)
 _UNEVEN = 0.25  # of a frame's time; stamps in milliseconds are off by less, up to 120 fps
 _ONE_RATE = (
-    "Y4M has one frame rate: the times of this clip's frames, which differ, are lost; use --fps N "
+    "Y4M has one frame rate: the times of these frames, which differ, are lost; use --fps N "
     "with a file, or write a film"
 )
 
@@ -83,7 +83,7 @@ def write_film(
     )
     count, light = 0, _NO_LIGHT
     is_uneven = False
-    before: tuple[int, Fraction] | None = None
+    before_s: Fraction | None = None
     try:
         first = next(shown, None)
         if first is None:
@@ -97,8 +97,8 @@ def write_film(
                 on_event(Warned(notice))
             try:
                 for frame, length in _with_durations(first, shown, pictures.last_length_s):
-                    is_uneven = is_uneven or _is_uneven(before, frame, spec.frame_rate)
-                    before = frame.number, frame.time_s
+                    is_uneven = is_uneven or _is_uneven(before_s, frame.time_s, spec.frame_rate)
+                    before_s = frame.time_s
                     planes = frame.planes if frame.alpha is None else (*frame.planes, frame.alpha)
                     writer.write(planes, frame.time_s, length, messages.get(frame.number))
                     count, light = count + 1, hdr.film_light((light, frame.light))
@@ -114,13 +114,9 @@ def write_film(
     return count, light, size
 
 
-def _is_uneven(
-    before: tuple[int, Fraction] | None, frame: ShownFrame, frame_rate: Fraction
-) -> bool:
-    """Whether a frame does not follow the one `before` (number, time_s) by about a frame's time."""
-    if before is None or frame.number != before[0] + 1:
-        return False
-    return abs((frame.time_s - before[1]) * frame_rate - 1) > _UNEVEN
+def _is_uneven(before_s: Fraction | None, time_s: Fraction, frame_rate: Fraction) -> bool:
+    """Whether a frame does not follow the one before by about a frame's time."""
+    return before_s is not None and abs((time_s - before_s) * frame_rate - 1) > _UNEVEN
 
 
 def _changes(

@@ -50,6 +50,8 @@ def from_clip(source: Path, settings: Settings, run: RunOptions) -> Pictures:
                 nonlocal made
                 made += 1
                 number = frame.index + plan.first_number
+                if frame.is_damaged:
+                    pictures.damaged.add(number)
                 item = work(
                     Picture(
                         frame.index, number, frame.time_s, done.rgb, frame, done.layers, done.alpha

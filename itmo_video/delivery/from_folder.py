@@ -34,6 +34,8 @@ def from_folder(folder: Converted, clip: Path | None, run: RunOptions) -> Pictur
         numbers = sorted(asked)
     source = folder.open_source(clip, run.max_pixels) if clip is not None else None
 
+    pictures: Pictures
+
     def mapped(work: Work[T]) -> Iterator[T]:
         jobs = run.jobs or spans.default_jobs()
         originals: Iterable[Frame | None] = repeat(None)
@@ -42,6 +44,8 @@ def from_folder(folder: Converted, clip: Path | None, run: RunOptions) -> Pictur
 
         def make(number: int, original: Frame | None) -> T:
             image = folder.read(number)
+            if image.is_source_damaged:
+                pictures.damaged.add(number)
             layers = {name: image.channels[name] for name in image.channels if "." in name}
             index, time_s = folder.index_of(number), folder.time_s(number, image)
             alpha = image.channels.get("A")
@@ -56,8 +60,9 @@ def from_folder(folder: Converted, clip: Path | None, run: RunOptions) -> Pictur
             for future in waiting:
                 yield future.result()
 
-    return Pictures(
+    pictures = Pictures(
         folder.size, folder.frame_rate, folder.pixel_aspect, folder.white_nits, folder.peak_nits,
         folder.first_image.primaries, numbers, clip, mapped,
         notices=(*(folder.notices if run.frames is None else ()), *folder.rate_notices),
     )  # fmt: skip
+    return pictures

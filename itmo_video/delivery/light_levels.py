@@ -48,6 +48,8 @@ def film_light_levels(
         on_event(FrameDone(number, done, len(pictures.numbers)))
     if pictures.damage:
         raise DamagedInputError("; ".join(pictures.damage), where=str(source))
+    for told in pictures.damaged_in_words:
+        on_event(Warned(f"{told}: the light is of what was decoded there"))
     return light, pictures.peak_nits
 
 

@@ -10,7 +10,9 @@ from typing import Any, TypeVar
 
 import numpy.typing as npt
 
+from itmo_video.conversion.frame_ranges import format_ranges
 from itmo_video.model import Float32, Frame, Half
+from itmo_video.words import frames_are
 
 T = TypeVar("T")
 
@@ -40,7 +42,8 @@ class Pictures:
 
     `stream` is the requested number of the source's video stream. `last_length_s` is the duration
     of the last picture, None for the regular one at `frame_rate`. `damage` is filled during
-    rendering: what was truncated or missing; `notices` should be reported first.
+    rendering: what was truncated or missing; so is `damaged`, the numbers of pictures whose source
+    frame was damaged. `notices` should be reported first.
     """
 
     size: tuple[int, int]
@@ -56,6 +59,14 @@ class Pictures:
     last_length_s: Fraction | None = None
     damage: list[str] = field(default_factory=list)
     notices: tuple[str, ...] = ()
+    damaged: set[int] = field(default_factory=set)
+
+    @property
+    def damaged_in_words(self) -> list[str]:
+        """One sentence about the pictures whose source frame was damaged, or none."""
+        if not self.damaged:
+            return []
+        return [f"{frames_are(format_ranges(sorted(self.damaged)))} damaged in the source"]
 
     def mapped(self, work: Work[T]) -> Iterator[T]:
         """Yield `work` of each picture in presentation order; `work` runs in several threads."""

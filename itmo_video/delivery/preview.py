@@ -74,6 +74,8 @@ def preview(
     options = replace(options, view=options.view or "hdr10")
     _check(output, options)
     if options.frame is not None:
+        if run.frames is not None:
+            raise UsageError("--frame and --frames cannot be combined", remedy="Omit one.")
         run = replace(run, frames=str(options.frame))
     gate = None if is_pipe(output) else _gate(source, output, options, run)
     if gate is not None:
@@ -127,9 +129,9 @@ def preview(
             max_fall=light.average,
         )
     )
-    if pictures.damage:
+    if told := [*pictures.damage, *pictures.damaged_in_words]:
         raise DamagedInputError(
-            "; ".join(pictures.damage),
+            "; ".join(told),
             where=str(source),
             remedy=f"{counted(frames, 'frame')} shown.",
         )
@@ -140,6 +142,8 @@ def _check(output: Path, options: PreviewOptions) -> None:
     suffix = output.suffix.lower()
     check_view(options)
     if suffix in STILLS:
+        if is_pipe(output):
+            raise UsageError(f"{output}: a still cannot go to a pipe", remedy="Name a file.")
         check_still_options(suffix, options)
     elif options.frame is not None:
         raise UsageError(

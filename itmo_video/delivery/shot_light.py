@@ -165,6 +165,8 @@ def _by_shots(source: Path, pictures: Pictures, starts: set[int], on_event: OnEv
         on_event(FrameDone(number, done, total))
     if pictures.damage:
         raise DamagedInputError("; ".join(pictures.damage), where=str(source))
+    for told in pictures.damaged_in_words:
+        on_event(Warned(f"{told}: the light is of what was decoded there"))
     return FilmLight(shots, hdr.film_light(lights), pictures.peak_nits)
 
 

@@ -1,4 +1,4 @@
-"""A frame's fingerprint from its header alone, without reading its pixels."""
+"""What a frame's file states of itself, from its header alone, without reading its pixels."""
 
 from __future__ import annotations
 
@@ -14,9 +14,21 @@ def stated_fingerprint(path: StrPath) -> str | None:
 
     None if there is no such file, or its header cannot be read.
     """
-    try:
-        attributes, _ = parse_header(read_head(path, _HEADER_BYTES))
-    except (InputError, ExrDamageError):
+    attributes = _attributes(path)
+    if attributes is None:
         return None
     kind, value = attributes.get("itmoFingerprint", ("", b""))
     return value.decode("ascii", "replace") if kind == "string" else ""
+
+
+def states_damage(path: StrPath) -> bool:
+    """Whether a file's header states that its source frame was damaged."""
+    kind, value = (_attributes(path) or {}).get("itmoSourceDamaged", ("", b""))
+    return kind == "int" and int.from_bytes(value, "little") == 1
+
+
+def _attributes(path: StrPath) -> dict[str, tuple[str, bytes]] | None:
+    try:
+        return parse_header(read_head(path, _HEADER_BYTES))[0]
+    except (InputError, ExrDamageError):
+        return None

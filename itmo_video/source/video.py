@@ -22,6 +22,7 @@ from itmo_video.source.read_faults import check_readable, ends_at
 from itmo_video.source.stream_facts import find_facts, shown_planes
 from itmo_video.source.stretches import numbered
 from itmo_video.source.tags import InputOptions
+from itmo_video.words import counted
 
 _HEAD_BYTES = 1 << 20  # of a file, in which a container's header lies
 
@@ -102,7 +103,8 @@ class VideoClip(Clip):
         (width, height), form = self._facts.size, self._facts.form
         now = f"{decoded.width}x{decoded.height} {pixel_form(decoded)}"
         raise DamagedInputError(
-            f"frame {index} changes to {now} from {width}x{height} {form}",
+            f"after {counted(index, 'frame')} the picture changes to {now} from "
+            f"{width}x{height} {form}",
             where=self.info.path,
             remedy="The frames before it can be converted; split the file where it changes.",
         )

@@ -164,3 +164,12 @@ def test_an_input_that_fails_has_its_event(tmp_path: Path) -> None:
     (failed,) = (e for e in events if e["event"] == "failed")
     assert (failed["input"], failed["exit_code"]) == (str(tmp_path / "bad.mp4"), 3)
     assert "not a readable video" in failed["message"]
+
+
+@pytest.mark.parametrize("flags", [("--verify",), ("--report", "--null"), ("--dry-run",)])
+def test_every_failure_has_its_event(flags: tuple[str, ...], tmp_path: Path) -> None:
+    assert run("convert", CLIP, tmp_path / "out", *FLAGS, "--frames", "1").returncode == 0
+    done = run("convert", CLIP, tmp_path / "out", "--frames", "1-2", "--json", "--quiet", *flags)
+    failed = json.loads(done.stdout.splitlines()[-1])
+    assert (failed["event"], failed["exit_code"]) == ("failed", done.returncode)
+    assert done.returncode > 0
