@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import chain
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import av
 
@@ -24,6 +24,17 @@ Way = Literal["lenient", "strict"]
 Numbered = tuple[int, Any, bool]  # index, decoded frame, whether it is damaged
 
 
+class Losses(NamedTuple):
+    """What damage costs a stream whose frames are counted by decoding.
+
+    The number of packets, about how many frames are missing, and the indices of damaged frames.
+    """
+
+    packets: int = 0
+    missing: int = 0
+    damaged: frozenset[int] = frozenset()
+
+
 @dataclass(frozen=True)
 class Decoder:
     """Decodes a stream's frames; each reader opens the file separately."""
@@ -33,6 +44,7 @@ class Decoder:
     packets: Packets
     codec: str
     stream: int | None = None
+    losses: Losses = field(default_factory=Losses)
 
     def decoded(
         self,

@@ -13,6 +13,7 @@ import numpy.typing as npt
 from itmo_video import words
 from itmo_video.model import ASSUMED_STREAM_RATE
 from itmo_video.source.chroma_siting import Y4M
+from itmo_video.source.decoding import Losses
 from itmo_video.source.packets import Packets, packet_step
 from itmo_video.words import counted
 
@@ -128,13 +129,18 @@ def timing_notices(
     return told
 
 
-def packet_notices(packets: Packets) -> list[str]:
+def packet_notices(packets: Packets, losses: Losses) -> list[str]:
     """Notices about irregularities of a stream's packets."""
     told: list[str] = []
     if packets.has_jumps:
         told.append("time stamps jump, as in joined captures: made continuous")
     elif not packets.is_exact:
         told.append("time stamps are incomplete: frames are counted from the start")
+    if losses.missing:
+        told.append(
+            f"damaged: {counted(losses.packets, 'packet')} gave only "
+            f"{counted(len(packets.pts), 'frame')}; what follows the damage may be numbered too low"
+        )
     if packets.repeats:
         told.append(
             f"{counted(len(packets.repeats), 'empty chunk')}: each repeats the previous frame"

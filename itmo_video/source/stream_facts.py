@@ -16,6 +16,7 @@ from itmo_video.source import hidden_hdr, tags
 from itmo_video.source.chroma_siting import Y4M, Y4M_HEAD_BYTES, stream_siting, y4m_siting
 from itmo_video.source.code_range import outside_range
 from itmo_video.source.container_facts import track_of
+from itmo_video.source.counted_frames import find_losses
 from itmo_video.source.cropping import Crop, cropped, cropped_size, usable
 from itmo_video.source.decoding import Decoder, Numbered
 from itmo_video.source.deinterlace import can_deinterlace
@@ -153,7 +154,7 @@ def facts_at(
     if is_interlaced or codec in _FILM_CODECS:
         sample = islice(decoder.decoded(None), _SAMPLE)
         notices += mixture([bool(frame.interlaced_frame) for frame in sample])
-    notices += packet_notices(decoder.packets)
+    notices += packet_notices(decoder.packets, decoder.losses)
     time_base, form = Fraction(stream.time_base or 1), pixel_form(first)
     stated = stated_rate(stream, head)
     rate, length, is_vfr = timing(stream, stated, decoder.packets, time_base)
@@ -249,15 +250,28 @@ def _first_frame(
             packets = replace(decoder.packets, pts=decoder.packets.pts[lead:], left_out=lead)
             return _first_frame(replace(decoder, packets=packets), False)
     count, first = 0, None
-    for count, frame in enumerate(decoder.decoded(None), 1):  # noqa: B007 - the last count
+    failed: list[Any] = []
+
+    def on_error(packet: Any) -> bool:
+        failed.append(packet)
+        return False
+
+    every = decoder.decoded(None, on_error=on_error)
+    for count, frame in enumerate(every, 1):  # noqa: B007 - the last count
         first = first or frame
     if first is None:
         raise InputError(
             "no frame can be decoded: the video is damaged, encrypted or empty",
             where=str(decoder.path),
         )
-    counted = replace(decoder.packets, pts=tuple(range(count)), is_exact=False, declared=None)
-    return replace(decoder, packets=counted), first, None
+    losses = find_losses(decoder, bool(failed))
+    counted = replace(
+        decoder.packets,
+        pts=tuple(range(count)),
+        is_exact=False,
+        declared=count + losses.missing if losses.missing else None,
+    )
+    return replace(decoder, packets=counted, losses=losses), first, None
 
 
 def _leading(packets: Packets) -> int:

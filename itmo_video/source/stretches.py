@@ -227,7 +227,8 @@ def numbered(decoder: Decoder, start: int) -> Iterator[Numbered]:
         return
     for n, frame in enumerate(decoder.decoded(None, "lenient")):
         if n >= start:
-            yield _copied((n, frame, bool(frame.is_corrupt)))
+            is_damaged = bool(frame.is_corrupt) or n in decoder.losses.damaged
+            yield _copied((n, frame, is_damaged))
 
 
 def _copied(item: Numbered) -> Numbered:
