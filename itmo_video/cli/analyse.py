@@ -64,11 +64,17 @@ def add_analyse(commands: Any) -> None:
 
 
 def _analyse(args: argparse.Namespace) -> int:
+    from itmo_video.source.pipe import is_pipe
+
     run: RunOptions = options_said(args, RunOptions)
     if args.hdr10 or args.hdr10plus or args.dolby_vision:
         return _metadata(args, run)
     if run.analysis is not None:
         raise UsageError("--analysis needs --hdr10plus or --dolby-vision", remedy="Omit it.")
+    if is_pipe(args.input):
+        raise UsageError(
+            "a pipe can be analysed for --hdr10 only", where=args.input, remedy="Give a file."
+        )
     tell_config(args, Settings)
     _analyse_to(args, settings_of(args), run)
     return 0

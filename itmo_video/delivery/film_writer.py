@@ -34,7 +34,7 @@ from itmo_video.delivery.svt_av1 import svt_as_guest
 from itmo_video.delivery.ycbcr import Codes10
 from itmo_video.errors import ItmoError, OutputError
 from itmo_video.memory_limit import check_memory
-from itmo_video.output.atomic import temp_path
+from itmo_video.output.atomic import NO_SPACE, RUN_AGAIN, output_error, temp_path
 from itmo_video.output.gate import Gate
 from itmo_video.source.files import MAX_PIXELS
 from itmo_video.source.packets import TAG_ERRORS
@@ -241,6 +241,9 @@ class FilmWriter:
 
 def _failure(error: Exception, path: Path, has_sound: bool) -> OutputError:
     check_memory(error)
+    number = getattr(error, "errno", None)
+    if number in NO_SPACE:  # FFmpeg's errors have the system's numbers
+        return output_error(OSError(number, os.strerror(number)), path, RUN_AGAIN)
     reason = getattr(error, "strerror", None) or str(error)
     sound = "If the container does not support the sound, try .mkv, or --no-audio."
     return OutputError(

@@ -183,6 +183,7 @@ def _sync_folder(folder: Path) -> None:
         os.close(descriptor)
 
 
+NO_SPACE = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 RUN_AGAIN = "then run the same command again"
 RESUMES = f"{RUN_AGAIN} to resume"
 
@@ -190,8 +191,10 @@ RESUMES = f"{RUN_AGAIN} to resume"
 def output_error(error: OSError, path: StrPath, then: str = RESUMES) -> OutputError:
     """An OutputError for a failure to write `path`, with a remedy, the last part of it `then`."""
     again = f"{then}."
-    if error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG):
-        what, remedy = "no space left on the disk", f"Free some space, {again}"
+    if error.errno in NO_SPACE:
+        is_limit = error.errno == errno.EFBIG
+        what = "larger than files may be here" if is_limit else "no space left on the disk"
+        remedy = f"{'Raise the limit (ulimit -f)' if is_limit else 'Free some space'}, {again}"
     elif error.errno in (errno.EACCES, errno.EPERM, errno.EROFS):
         what, remedy = (
             "permission denied",

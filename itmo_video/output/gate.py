@@ -142,7 +142,7 @@ class Gate:
             raise self._refused("it is the source of this folder", "Choose another name.")
         if head and not self._kind.begins(head):
             raise self._refused(
-                f"a file exists there that is not a {self._kind.word}", "Choose another name."
+                f"a file exists there, but no {self._kind.word}", "Choose another name."
             )
         if not self._replaces or (not head and not self._overwrite):
             raise self._refused("file exists", "Choose another name, or use --overwrite.")

@@ -134,7 +134,7 @@ def test_file_size_limit(clip: Path, whole: dict[str, bytes], tmp_path: Path) ->
     )
     done = run("convert", clip, tmp_path, *FLAGS, command=(sys.executable, "-c", limited))
     assert done.returncode == 5, done.stderr
-    assert "no space left" in done.stderr
+    assert "larger than files may be here" in done.stderr
     assert 0 < len(list(tmp_path.glob("*.exr"))) < 80
     assert broken_frames(tmp_path) == temp_files(tmp_path) == []
     goes_on(clip, tmp_path, whole, "a file-size limit")
