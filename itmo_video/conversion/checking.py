@@ -22,7 +22,7 @@ from itmo_video.output.exr_fingerprint import states_damage
 from itmo_video.output.folder import OutputFolder
 from itmo_video.settings import Settings
 from itmo_video.source.opening import input_options, open_clip
-from itmo_video.words import counted, frames_are
+from itmo_video.words import counted, frames_are, missing
 
 
 def describe_plan(
@@ -67,7 +67,7 @@ def verify(
     """Check a folder against a planned conversion; (path, problem) for each fault.
 
     If there are any, and the folder was made with other settings, these come first. `on_event`
-    is called with Warned if the source of frames was damaged, which is no fault of the folder.
+    is called with Warned if the source is damaged, which is no fault of the folder.
     """
     with open_clip(source, input_options(settings, run.max_pixels)) as clip:
         plan = make_plan(clip, make_look(settings), run)
@@ -81,6 +81,9 @@ def verify(
             folder.check(plan.manifest)
         except OutputError as error:  # a flag of the conversion was left out, most likely
             faults.insert(0, (folder.path, error.what))
+    if run.frames is None and plan.clip.frames_cut_off:
+        lost = missing(plan.clip.frames_cut_off, "frame")
+        on_event(Warned(f"the source is truncated or damaged: {lost}"))
     if damaged := [n for n in plan.numbers if states_damage(folder.frame_path(n))]:
         on_event(Warned(f"{frames_are(format_ranges(damaged))} damaged in the source"))
     return faults

@@ -5,10 +5,12 @@ from __future__ import annotations
 import os
 import re
 from pathlib import Path
+from typing import Any
 
+import av
 import numpy as np
 import pytest
-from clips import write_noise
+from clips import moving_scene, write_noise
 
 from itmo_video.cli.main import main
 
@@ -85,3 +87,22 @@ def test_a_still_to_a_pipe(
     os.mkfifo(tmp_path / "o.png")
     assert main(["preview", str(damaged), str(tmp_path / "o.png"), "--frame", "2"]) == 2
     assert "a still cannot go to a pipe" in capsys.readouterr().err
+
+
+def test_verify_tells_what_the_source_lacks(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    clip = tmp_path / "a.mp4"
+    with av.open(str(clip), "w", options={"movflags": "faststart"}) as box:
+        stream: Any = box.add_stream("mpeg4", rate=25)
+        stream.width, stream.height, stream.pix_fmt, stream.gop_size = 64, 48, "yuv420p", 1
+        for codes in moving_scene(12, width=64, height=48):
+            box.mux(stream.encode(av.VideoFrame.from_ndarray(codes, "rgb24")))
+        box.mux(stream.encode())
+    data = clip.read_bytes()
+    clip.write_bytes(data[: len(data) * 3 // 4])
+    assert main(["convert", str(clip), str(tmp_path / "out"), "--quiet"]) == 4
+    capsys.readouterr()
+    assert main(["convert", str(clip), str(tmp_path / "out"), "--verify"]) == 0
+    told = capsys.readouterr().err
+    assert re.search(r"the source is truncated or damaged: \d frames are missing", told), told

@@ -97,7 +97,8 @@ WRITE_UNTIL_FULL = """
 
 def test_file_size_limit(tmp_path: Path) -> None:
     done = run_python(WRITE_UNTIL_FULL, tmp_path, Path(__file__).parent, 20000)
-    assert done.stdout.split() == ["True", "True", "larger-than-files-may-be-here", "5"], done.stderr
+    told = done.stdout.split()
+    assert told == ["True", "True", "larger-than-files-may-be-here", "5"], done.stderr
 
 
 def test_full_disk(tmp_path: Path) -> None:
