@@ -7,7 +7,8 @@ from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
-from itmo_video.source.packets import BROADCAST, Jumps, open_container, open_video
+from itmo_video.source.packets import open_container, open_video
+from itmo_video.source.stamp_jumps import BROADCAST, Jumps
 from itmo_video.source.streams import choose_video
 
 # QuickTime calls a track's title its name.

@@ -73,7 +73,7 @@ class Decoder:
                     if self.packets.broken:
                         packets = self._without_broken(packets, on_error)
                     if way == "strict" and self.codec == "ffv1":
-                        packets = _with_true_sums(packets, on_error)
+                        packets = _with_true_sums(packets, on_error, self.packets.has_sums)
                     yield from decode_all(context, packets, str(self.path), on_error)
                     return
 
@@ -139,9 +139,11 @@ def decoder_of(stream: Any, max_pixels: int, way: Way = "lenient") -> Any:
     return context
 
 
-def _with_true_sums(packets: Iterator[Any], on_error: Callable[[Any], bool]) -> Iterator[Any]:
+def _with_true_sums(
+    packets: Iterator[Any], on_error: Callable[[Any], bool], has_sums: bool
+) -> Iterator[Any]:
     """FFV1's packets up to one whose checksums fail and for which `on_error` returns true."""
-    is_sound = packet_check()
+    is_sound = packet_check(has_sums)
     for packet in packets:
         if packet.size and not is_sound(bytes(packet)) and on_error(packet):
             return

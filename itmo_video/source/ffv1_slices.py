@@ -10,13 +10,17 @@ _STARTS = (0, 0x7A8C4079)  # initial CRC: of version 3, and of ec 2 in FFmpeg's 
 _MIRRORED = bytes(int(f"{byte:08b}"[::-1], 2) for byte in range(256))
 
 
-def packet_check() -> Callable[[bytes], bool]:
+def has_sums(packet: bytes) -> bool:
+    """Whether a slice of a packet has a checksum that is right."""
+    return any(_remainder(part) == 0 for part in slices_of(packet) or ())
+
+
+def packet_check(seen: bool = False) -> Callable[[bytes], bool]:
     """A function that checks one packet of a stream after another.
 
-    Streams without checksums pass. Once a packet had checksums, a later packet whose slices do not
-    add up to its size fails.
+    Streams without checksums pass. Once a packet had checksums (`seen`: an earlier one had), a
+    later packet whose slices do not add up to its size fails.
     """
-    seen = False
 
     def is_sound(packet: bytes) -> bool:
         nonlocal seen

@@ -19,9 +19,11 @@ from itmo_video.memory_limit import check_memory
 from itmo_video.regular_file import read_head
 from itmo_video.source import cineform_bands, flash_blocks
 from itmo_video.source.asf_objects import numbered_frames
+from itmo_video.source.ffv1_slices import has_sums
 from itmo_video.source.files import check_file, check_pixels
 from itmo_video.source.iso_boxes import lacks_index
 from itmo_video.source.read_faults import PROBED_BYTES, fault_at_ends, find_fault
+from itmo_video.source.stamp_jumps import Jumps
 from itmo_video.source.streams import choose_video, codec_tag
 from itmo_video.untrusted import parse_rational
 
@@ -40,9 +42,7 @@ TAG_ERRORS: dict[str, Any] = (
 
 
 # Of decoders that show memory that was never written where a packet is not whole.
-_CHECKS = {"cfhd": cineform_bands.is_whole, "flashsv": flash_blocks.is_whole}
-BROADCAST = ("mpegts", "mpeg")
-_JUMP_S = 10  # stamps further apart than this in a broadcast stream are a splice
+CHECKS = {"cfhd": cineform_bands.is_whole, "flashsv": flash_blocks.is_whole}
 _AVI_CHUNK_BYTES = 8  # of a chunk's header, at least
 
 
@@ -58,8 +58,8 @@ class Packets:
     is the duration of the last frame in ticks, 0 if unknown. `left_out` is the number of frames
     before the first key packet, which are not part of the clip. `has_jumps`: stamps jump, as in
     joined captures, so they are not times. `end_byte` is the file's byte behind all packets.
-    `broken` are stamps of packets that must not reach the decoder; None if none is whole, or
-    for codecs that need no check.
+    `broken` are stamps of packets that must not reach the decoder; None if none is whole, or for
+    codecs that need no check. `has_sums`: FFV1's packets have checksums.
     """
 
     pts: tuple[int, ...]
@@ -73,6 +73,7 @@ class Packets:
     has_jumps: bool = False
     end_byte: int = 0
     broken: frozenset[int] | None = None
+    has_sums: bool = False
 
     def index_of(self, pts: int | None) -> int | None:
         """The frame's number by its pts, None for a stamp that no packet has."""
@@ -156,7 +157,7 @@ def scan_packets(container: Any, stream: Any) -> Packets:
     is_unique, discarded, jumps = True, 0, Jumps(stream)
     last, tail, end_byte = (0, 0), (0, 0), 0
     codec = str(stream.codec_context.name)
-    check = _CHECKS.get(codec)
+    check, sums = CHECKS.get(codec), False
     for packet in read_packets(container, stream):
         if packet.size == 0:
             continue
@@ -166,6 +167,7 @@ def scan_packets(container: Any, stream: Any) -> Packets:
         stamps.append(pts)
         tail = packet.size, (packet.pos or 0) + packet.size
         end_byte = max(end_byte, tail[1])
+        sums = sums or (codec == "ffv1" and has_sums(bytes(packet)))
         jumps.see(packet.dts if packet.dts is not None else pts)
         is_unique = is_unique and pts is not None and pts not in order
         if pts is not None:
@@ -190,26 +192,8 @@ def scan_packets(container: Any, stream: Any) -> Packets:
         pts_shown, order, tuple(keys), is_exact, declared, repeats, last[1],
         has_jumps=jumps.found, end_byte=end_byte,
         broken=frozenset(broken) if check is not None and len(broken) < len(stamps) else None,
+        has_sums=sums,
     )  # fmt: skip
-
-
-class Jumps:
-    """Detects jumps backwards or far ahead in the stamps of a broadcast stream, in file order."""
-
-    def __init__(self, stream: Any) -> None:
-        name = str(stream.container.format.name)
-        self.found = False
-        self._last: int | None = None
-        self._reach = round(_JUMP_S / Fraction(stream.time_base)) if name in BROADCAST else None
-
-    def see(self, stamp: int | None) -> bool:
-        """Whether this stamp jumps relative to the previous one."""
-        if stamp is None or self._reach is None:
-            return False
-        last, self._last = self._last, stamp
-        jumps = last is not None and not -self._reach // 10 <= stamp - last <= self._reach
-        self.found = self.found or jumps
-        return jumps
 
 
 def _empty_chunks(

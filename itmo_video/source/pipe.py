@@ -19,20 +19,21 @@ import av
 from itmo_video.errors import InputError, UsageError
 from itmo_video.memory_limit import check_memory
 from itmo_video.model import ASSUMED_STREAM_RATE
-from itmo_video.source.decoding import Decoder, Numbered, Way, decode_all, decoder_of
+from itmo_video.source.decoding import Decoder, Numbered, Way
 from itmo_video.source.frame_timing import stated_rate
 from itmo_video.source.packets import (
     CONTAINERS,
     TAG_ERRORS,
-    Jumps,
     Packets,
     decoder_limit,
     frames_after,
     is_hidden,
     prepare_decoder,
 )
+from itmo_video.source.pipe_damage import is_judged, judged_frames
 from itmo_video.source.pipe_input import BUFFER_BYTES, STANDARD_INPUT, PipeInput
 from itmo_video.source.planes import read_picture
+from itmo_video.source.stamp_jumps import Jumps
 from itmo_video.source.stream_facts import CAPTURES, facts_at
 from itmo_video.source.streams import choose_video
 from itmo_video.source.tags import InputOptions
@@ -138,15 +139,18 @@ class PipeClip(VideoClip):
         stream, base = self._stream, Fraction(self._stream.time_base or 1)
         stamps = _Stamps(self._container, stream)
         rate = stated_rate(stream, self._input.head) or ASSUMED_STREAM_RATE
-        decoder, index = decoder_of(stream, max_pixels), 0
-        for frame in decode_all(decoder, self._packets(stamps), self._where):
+        index = 0
+        packets = self._packets(stamps)
+        for frame, is_damaged in judged_frames(
+            stream, max_pixels, packets, self._where, stamps.stop_at_fields
+        ):
             if stamps.is_before_first_key(frame.pts):
                 continue
             lost = stamps.passed(frame.pts)
             self.lost.extend(range(index, index + lost))
             index += lost
             self._times[index] = Fraction(index) / rate if frame.pts is None else frame.pts * base
-            yield index, frame, bool(frame.is_corrupt)
+            yield index, frame, is_damaged
             index += 1
         self.lost.extend(range(index, index + stamps.left))
 
@@ -196,7 +200,10 @@ class _Stamps:
 
     def __init__(self, container: Any, stream: Any) -> None:
         # Otherwise a frame may be two packets, or stamps may be in another order.
-        self._counts = int(stream.codec_context.field_order) < 2 and container.format.name != "avi"
+        self._is_avi = container.format.name == "avi"
+        self._counts = is_judged(stream) or (
+            int(stream.codec_context.field_order) < 2 and not self._is_avi
+        )
         self._is_capture = str(container.format.name) in CAPTURES
         self._jumps = Jumps(stream)
         self._waiting: list[int] = []
@@ -207,6 +214,10 @@ class _Stamps:
     def left(self) -> int:
         """The number of packets whose frames are pending."""
         return len(self._waiting) if self._counts else 0
+
+    def stop_at_fields(self) -> None:
+        """Stop counting an AVI's frames, as each is two packets."""
+        self._counts = self._counts and not self._is_avi
 
     def see(self, packet: Any) -> None:
         """Record a packet before it is decoded."""

@@ -25,9 +25,9 @@ from itmo_video.source.decoding import Decoder, Numbered, Way
 
 _TOLD = ("h264", "mpeg2video", "mpeg4", "libdav1d", "av1", "vp9", "prores", "dnxhd")
 # Decoders that fill damaged areas with uninitialised memory, for which packets are checked.
-_AT_RANDOM = ("cfhd", "flashsv")
-_INTRA = ("cfhd",)  # of these
-_SHORTEST = 24  # frames between entries, as each stretch opens the file again
+AT_RANDOM = ("cfhd", "flashsv")
+INTRA = ("cfhd",)  # of these
+SHORTEST = 24  # frames between entries, as each stretch opens the file again
 
 
 class _Entry(NamedTuple):
@@ -82,7 +82,7 @@ class Stretches:
         errors: list[int] = []
         for item in self._sound(start, end, "strict", errors) if self._is_judged else ():
             start = item[0] + 1
-            yield _copied(item)
+            yield copied(item)
         if start >= end:
             return
         # Failures before the stretch's key packet are in the lead-in, not part of it.
@@ -96,21 +96,21 @@ class Stretches:
                 continue
             for item in self._with_repeats(last, min(index, end), before):
                 if item[0] >= start:
-                    yield _copied(item)
+                    yield copied(item)
             if index >= end:
                 return
             is_checked, codec = self._packets.broken is not None, self._decoder.codec
             # Where broken packets are kept from an intra decoder, what follows them is whole.
-            follows = self._place(index) >= damaged and not (is_checked and codec in _INTRA)
+            follows = self._place(index) >= damaged and not (is_checked and codec in INTRA)
             is_damaged = bool(frame.is_corrupt) or follows
-            if is_damaged and codec in _AT_RANDOM and not is_checked:
+            if is_damaged and codec in AT_RANDOM and not is_checked:
                 continue  # left out, and so reported as missing
             last, before = index, (index, frame, is_damaged)
             if index >= start:
-                yield _copied(before)
+                yield copied(before)
         for item in self._with_repeats(last, end, before):
             if item[0] >= start:
-                yield _copied(item)
+                yield copied(item)
 
     def _sound(self, start: int, end: int, way: Way, errors: list[int]) -> Iterator[Numbered]:
         """Frames from `start` to before `end`, or up to the first damage.
@@ -171,7 +171,7 @@ class Stretches:
         found: list[_Entry] = []
         for place, pts, dts in self._packets.keys:
             index = self._packets.index_of(pts)
-            if index is not None and index >= (found[-1].number + _SHORTEST if found else 0):
+            if index is not None and index >= (found[-1].number + SHORTEST if found else 0):
                 found.append(_Entry(place, pts, dts, index))
         return found
 
@@ -228,10 +228,10 @@ def numbered(decoder: Decoder, start: int) -> Iterator[Numbered]:
     for n, frame in enumerate(decoder.decoded(None, "lenient")):
         if n >= start:
             is_damaged = bool(frame.is_corrupt) or n in decoder.losses.damaged
-            yield _copied((n, frame, is_damaged))
+            yield copied((n, frame, is_damaged))
 
 
-def _copied(item: Numbered) -> Numbered:
+def copied(item: Numbered) -> Numbered:
     """A copy of the frame in new memory.
 
     A decoder reuses returned buffers, and leaves old content where it cannot decode; so which
