@@ -169,9 +169,11 @@ def decode_all(
             frames = []
             if on_error(packet):
                 return
-        except ValueError as error:  # PyAV 19 if FFmpeg has no decoder for the stream
+        except ValueError as error:
+            # PyAV 19, if FFmpeg has no decoder for the stream, or cannot open it. The context is
+            # gone then: asked for its name, it crashes.
             raise InputError(
-                f"its video codec is not supported ({context.name})",
+                "its video codec is not supported",
                 where=where,
                 remedy="Convert it with its maker's program, for example to ProRes or FFV1.",
             ) from error
