@@ -17,6 +17,7 @@ from itmo_video.operators import (
 )
 from itmo_video.options import flag_name
 from itmo_video.settings import Settings
+from itmo_video.words import has_or_have
 
 _OF_MAP = ("lights", "min_lights", "soft_lights")  # and the radius, which guards use, too
 
@@ -55,8 +56,8 @@ class Look:
         about += "" if self.needs_map else ", no Expand Map"
         if self.needs_map and "lamps" in idle and self.operator.sees == "rgb":
             about += ", footage clipped"
-        have = "has" if len(idle) == 1 else "have"
-        return (f"{', '.join(sorted(idle))} {have} no effect with these settings ({about})",)
+        named = f"{', '.join(sorted(idle))} {has_or_have(len(idle))}"
+        return (f"{named} no effect with these settings ({about})",)
 
     @property
     def _idle(self) -> set[str]:

@@ -28,6 +28,11 @@ def frames_are(ranges: str) -> str:
     return f"{frames_named(ranges)} {'is' if ranges.isdecimal() else 'are'}"
 
 
+def has_or_have(count: int) -> str:
+    """The verb of one thing, or of several."""
+    return "has" if count == 1 else "have"
+
+
 def missing(count: int, noun: str) -> str:
     """`1 frame is missing`, `2 frames are missing`."""
     return f"{counted(count, noun)} {'is' if count == 1 else 'are'} missing"

@@ -10,7 +10,7 @@ from itmo_video.conversion.convert import (
     frames_to_make,
     rendered_otherwise,
 )
-from itmo_video.conversion.frame_ranges import format_ranges
+from itmo_video.conversion.frame_ranges import damage_in_words, format_ranges
 from itmo_video.conversion.left_frames import left_frames
 from itmo_video.conversion.plan import keys_on_grid, make_plan
 from itmo_video.conversion.run_options import RunOptions
@@ -22,7 +22,7 @@ from itmo_video.output.exr_fingerprint import states_damage
 from itmo_video.output.folder import OutputFolder
 from itmo_video.settings import Settings
 from itmo_video.source.opening import input_options, open_clip
-from itmo_video.words import counted, frames_are, missing
+from itmo_video.words import counted, missing
 
 
 def describe_plan(
@@ -84,8 +84,9 @@ def verify(
     if run.frames is None and plan.clip.frames_cut_off:
         lost = missing(plan.clip.frames_cut_off, "frame")
         on_event(Warned(f"the source is truncated or damaged: {lost}"))
-    if damaged := [n for n in plan.numbers if states_damage(folder.frame_path(n))]:
-        on_event(Warned(f"{frames_are(format_ranges(damaged))} damaged in the source"))
+    damaged = (n for n in plan.numbers if states_damage(folder.frame_path(n)))
+    for told in damage_in_words(damaged):
+        on_event(Warned(told))
     return faults
 
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
-from itmo_video.conversion.frame_ranges import format_ranges
+from itmo_video.conversion.frame_ranges import damage_in_words, format_ranges
 from itmo_video.conversion.from_pipe import convert_pipe
 from itmo_video.conversion.left_frames import left_frames
 from itmo_video.conversion.plan import Plan, make_plan
@@ -183,8 +183,7 @@ def _damage(
         told.append(
             f"{frames_are(format_ranges(summary.missing))} missing or cannot be decoded{why}"
         )
-    if summary.damaged:
-        told.append(f"{frames_are(format_ranges(summary.damaged))} damaged in the source")
+    told += damage_in_words(summary.damaged)
     if cut_short:
         told.append(f"the file is truncated or damaged: {missing(cut_short, 'frame')}")
     made = counted(summary.written + summary.present, "frame")

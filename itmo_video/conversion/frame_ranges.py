@@ -6,6 +6,7 @@ import re
 from collections.abc import Iterable
 
 from itmo_video.errors import UsageError
+from itmo_video.words import frames_are
 
 _PART = re.compile(r"(-?\d+)(?:-(-?\d+)(?:([xy:])(\d+))?)?", re.ASCII)
 _MOST_FRAMES = 10_000_000
@@ -48,3 +49,9 @@ def format_ranges(numbers: Iterable[int]) -> str:
         if number is not None:
             run.append(number)
     return ",".join(parts)
+
+
+def damage_in_words(numbers: Iterable[int]) -> list[str]:
+    """One sentence about the frames whose source was damaged, or none."""
+    ranges = format_ranges(numbers)
+    return [f"{frames_are(ranges)} damaged in the source"] if ranges else []

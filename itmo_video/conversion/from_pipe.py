@@ -9,7 +9,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from itmo_video.conversion.file_size import check_file_size
-from itmo_video.conversion.frame_ranges import format_ranges, parse_ranges
+from itmo_video.conversion.frame_ranges import damage_in_words, format_ranges, parse_ranges
 from itmo_video.conversion.left_frames import left_frames
 from itmo_video.conversion.plan import Plan
 from itmo_video.conversion.run_options import RunOptions
@@ -126,8 +126,7 @@ def convert_pipe(
         on_event(Warned(left))
     on_event(Finished(**asdict(summary)))
     told = pipe_damage(clip, run, summary.missing)
-    if summary.damaged:
-        told.append(f"{frames_are(format_ranges(summary.damaged))} damaged in the source")
+    told += damage_in_words(summary.damaged)
     if told:
         raise DamagedInputError(
             "; ".join(told),

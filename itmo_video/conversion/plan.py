@@ -176,7 +176,7 @@ def make_plan(clip: Clip, look: Look, run: RunOptions) -> Plan:
     notices = (
         *info.notices, *look.notices, *_no_timecode(info), *_panorama(info, look.settings),
         *_left_out(numbers, first, run.analysis), *lamps_notices(clip, numbers, look.settings),
-        *_lamps_of_shots(clip, numbers, look.settings, shots),
+        *_lamps_of_shots(clip, numbers, first, look.settings, shots),
     )  # fmt: skip
     return Plan(info, look, numbers, first, memory, jobs, shots, notices, info.frames)
 
@@ -194,15 +194,14 @@ def _left_out(numbers: Mapping[int, int], first: int, analysis: Analysis | None)
 
 
 def _lamps_of_shots(
-    clip: Clip, numbers: Mapping[int, int], base: Settings, shots: Sequence[ShotLook]
+    clip: Clip, numbers: Mapping[int, int], first: int, base: Settings, shots: Sequence[ShotLook]
 ) -> list[str]:
     """Notices about shots whose own `lamps` has no effect, by their first frames."""
-    by_index = {index: number for number, index in numbers.items()}
     return [
         notice
         for shot in shots
-        if shot.look.settings.lamps != base.lamps and shot.first in by_index
-        for notice in lamps_notices(clip, {by_index[shot.first]: shot.first}, shot.look.settings)
+        if shot.look.settings.lamps != base.lamps and first + shot.first in numbers
+        for notice in lamps_notices(clip, {first + shot.first: shot.first}, shot.look.settings)
     ]
 
 

@@ -12,6 +12,7 @@ from itmo_video.delivery.preview_options import PreviewOptions
 from itmo_video.delivery.still_files import JPEG, STILLS
 from itmo_video.options import flag_of
 from itmo_video.settings import OF_FILE, Settings
+from itmo_video.words import has_or_have
 
 _OF_EXR = sorted({*OF_FILE} - {"primaries"})  # settings; primaries limit a preview's colours, too
 
@@ -39,13 +40,10 @@ def idle_options(
     of_files = [name for name in _OF_EXR if name in overrides]
     notices = list[str]()
     if of_files:
-        notices = [f"{', '.join(of_files)} {_have(of_files)} an effect on EXR files only"]
+        have = has_or_have(len(of_files))
+        notices = [f"{', '.join(of_files)} {have} an effect on EXR files only"]
     if not changed:
         return notices
     what = f"a {suffix} still" if is_still else "a film"
-    told = f"{', '.join(changed)} {_have(changed)} no effect on {what} of this view"
+    told = f"{', '.join(changed)} {has_or_have(len(changed))} no effect on {what} of this view"
     return [*notices, f"{told} ({options.view})"]
-
-
-def _have(names: list[str]) -> str:
-    return "has" if len(names) == 1 else "have"

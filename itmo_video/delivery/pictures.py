@@ -10,9 +10,8 @@ from typing import Any, TypeVar
 
 import numpy.typing as npt
 
-from itmo_video.conversion.frame_ranges import format_ranges
+from itmo_video.conversion.frame_ranges import damage_in_words
 from itmo_video.model import Float32, Frame, Half
-from itmo_video.words import frames_are
 
 T = TypeVar("T")
 
@@ -64,9 +63,7 @@ class Pictures:
     @property
     def damaged_in_words(self) -> list[str]:
         """One sentence about the pictures whose source frame was damaged, or none."""
-        if not self.damaged:
-            return []
-        return [f"{frames_are(format_ranges(sorted(self.damaged)))} damaged in the source"]
+        return damage_in_words(self.damaged)
 
     def mapped(self, work: Work[T]) -> Iterator[T]:
         """Yield `work` of each picture in presentation order; `work` runs in several threads."""

@@ -46,12 +46,13 @@ def _compiled_rows(
     strength: float,
     out: Half,
 ) -> None:
-    maps = guidance.small_maps(rows) if isinstance(operator, ExpandsCodes) else None
-    codes = None if maps is None else linear_light.codes_to_light(frame, clip=True)
-    if not isinstance(operator, ExpandsCodes) or not (maps and codes and codes.exponent):
-        expand_in_steps(frame, rows, guidance, operator, context, strength, out)
-        return
-    operator.from_codes(loaded, frame.planes[:3], rows, codes, maps, context, strength, out)
+    if isinstance(operator, ExpandsCodes):
+        maps = guidance.small_maps(rows)
+        codes = None if maps is None else linear_light.codes_to_light(frame, clip=True)
+        if maps and codes and codes.exponent:
+            operator.from_codes(loaded, frame.planes[:3], rows, codes, maps, context, strength, out)
+            return
+    expand_in_steps(frame, rows, guidance, operator, context, strength, out)
 
 
 @with_compiled_form(_compiled_rows)

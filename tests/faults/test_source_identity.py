@@ -121,6 +121,18 @@ def test_a_young_file_is_not_remembered(
     assert remembered.digest(tmp_path / "film", os.stat(tmp_path / "film")) is None
 
 
+def replace_source(clip: Path, other: Path, how: str) -> None:
+    """Put another file, nothing, or a folder in the place of a source."""
+    if how == "renamed over":
+        os.replace(other, clip)
+    elif how == "written to":
+        clip.write_bytes(other.read_bytes())
+    else:
+        clip.unlink()
+        if how == "a folder":
+            clip.mkdir()
+
+
 @pytest.mark.parametrize("how", ["renamed over", "written to", "removed", "a folder"])
 def test_a_film_replaced_in_mid_run_leaves_no_frame_of_the_other(how: str, tmp_path: Path) -> None:
     # Whatever the load: more frames than may be decoded before the first is made.
@@ -136,14 +148,7 @@ def test_a_film_replaced_in_mid_run_leaves_no_frame_of_the_other(how: str, tmp_p
         nonlocal done
         if isinstance(event, FrameDone) and not done:
             done = True
-            if how == "renamed over":
-                os.replace(other, clip)
-            elif how == "written to":
-                clip.write_bytes(other.read_bytes())
-            else:
-                clip.unlink()
-                if how == "a folder":
-                    clip.mkdir()
+            replace_source(clip, other, how)
 
     with pytest.raises(DamagedInputError, match="while it was being read"):
         convert(clip, tmp_path / "o", settings, RunOptions(jobs=1), on_event)
@@ -200,12 +205,7 @@ def test_an_animation_replaced_in_mid_run_leaves_no_frame_of_the_other(
 
     def on_event(event: object) -> None:
         if isinstance(event, Started):
-            if how == "renamed over":
-                os.replace(other, clip)
-            elif how == "written to":
-                clip.write_bytes(other.read_bytes())
-            else:
-                clip.unlink()
+            replace_source(clip, other, how)
 
     with pytest.raises(DamagedInputError, match="while it was being read"):
         convert(clip, tmp_path / "o", make_settings(**QUICK), on_event=on_event)
